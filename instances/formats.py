@@ -184,10 +184,9 @@ _FORMATS = (
         r"\A\s*+\d+ +\d+ +\d+[ \t\r]*\n(?:[-+.\d \t]++\r?(?:\n|\Z))++\s*\Z",
     ),
     FileFormat(
-        "spprclib", "a path problem of SPPRCLIB",
-        content=r"^(?:RES_BOUND|EDGE_COST|NODE_CONSUMPTION)[ \t\r]*$",
-        remedy="its prizes at nodes make lengths negative, and resource-routing needs lengths >= 0; "
-        "no model of crosstrack expresses it",
+        "spprclib", "a path problem of SPPRCLIB or PathWyse",
+        {"resource-routing": Target(".instances.resource_routing.spprclib:read_spprclib")},
+        r"^(?:RES_BOUND|EDGE_COST|NODE_CONSUMPTION)[ \t\r]*$",
     ),
     FileFormat(
         "solomon", "a routing problem with time windows in Solomon's form",

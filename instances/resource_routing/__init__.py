@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         generate_network as generate_network,
     )
     from .readers import read_rcsp as read_rcsp
+    from .spprclib import read_spprclib as read_spprclib
 
 CATALOGUE = {"resource-routing": ".listing:catalogue_entries"}
 DEMOS = {"resource-routing": "resource-routing/network-20"}

@@ -49,8 +49,8 @@ def read_rcsp(path: str | os.PathLike[str], **fields: Any) -> ResourceRouting:
         A number is missing, malformed or negative, or an arc has an unknown vertex. The message names
         the file, and the line if it applies.
     UnsupportedFormulation
-        A resource has a positive lower limit, or two parallel arcs have neither the lower cost and
-        uses.
+        Two parallel arcs have neither the lower cost and uses, or, with a positive lower limit, two arcs are
+        parallel.
     """
     file = as_path(path)
     words = [
@@ -78,11 +78,6 @@ def read_rcsp(path: str | os.PathLike[str], **fields: Any) -> ResourceRouting:
             field="line",
         )
     lower, upper, at_vertex, rest = (part for part in np.split(values, parts)[1:])
-    if (lower > 0).any():
-        raise UnsupportedFormulation(
-            f"{file}: resource {int((lower > 0).argmax()) + 1} has a lower limit > 0, which "
-            "resource-routing does not express"
-        )
     if (upper < 0).any():
         raise InvalidData(f"{file}: limits must be >= 0, got {upper.min():g}", field="limits")
     at_vertex, table = at_vertex.reshape(vertices, kinds), rest.reshape(arcs, 3 + kinds)
@@ -98,15 +93,22 @@ def read_rcsp(path: str | os.PathLike[str], **fields: Any) -> ResourceRouting:
         )
     ends = ends.astype(np.int64)
     uses = table[:, 3:] + at_vertex[ends[:, 1]]
-    rows = _without_dominated(file, ends, np.column_stack([table[:, 2], uses]))
+    # With a lower limit, the arc with the higher use may be needed.
+    signs = np.where(lower > 0, -1.0, 1.0)
+    values = np.column_stack([table[:, 2], uses, uses * np.minimum(signs, 0.0)])
+    rows = _without_dominated(file, ends, values)
+    words_of = ["vertex"] * (vertices - 1) + ["end" if (lower > 0).any() else "vertex"]
     resources = [
         Resource(
-            f"resource {k + 1}", initial=float(at_vertex[0, k]), limits={"vertex": float(upper[k])}
+            f"resource {k + 1}",
+            initial=float(at_vertex[0, k]),
+            limits=dict.fromkeys(set(words_of), float(upper[k])),
+            lower_limits={"end": float(lower[k])} if lower[k] > 0 else {},
         )
         for k in range(kinds)
     ]
     data = {
-        "kinds": ["vertex"] * vertices,
+        "kinds": words_of,
         "resources": resources,
         "start": 0,
         "end": vertices - 1,

@@ -11,6 +11,11 @@ arcs). For an arc a from i to j that adds c_a to the resource:
 * a point that resets to at most r, with a limit L > r, has a binary z for the minimum: the level on
   leaving is at least ``arrival - (L - r) z`` and at least ``r z``. As the arrival is at most L, z = 1
   requires r, and z = 0 the arrival;
+* waiting raises a level: ``u_a >= floor_i x_a``;
+* a resource that nothing resets, and whose limit is least at the end, needs no levels: one knapsack row bounds
+  the sum of ``c_a x_a``. A lower limit at the end bounds the same sum from below;
+* with negative lengths or lower limits, the number of arcs up to a point is a further level, which allows no
+  separate cycle;
 * at most one arc leaves a point, and the same number arrives.
 
 Integral x decomposes into one route from start to end and separate cycles. The objective includes the
@@ -29,7 +34,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
+from ...errors import InvalidData, UnsupportedFormulation
 from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
@@ -89,7 +94,8 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
     Raises
     ------
     UnsupportedFormulation
-        The model allows revisits, or has too many arcs.
+        The model allows revisits, asks for several routes, or has too many arcs, or a lower limit applies to a
+        resource that waits or is reset, or at a point other than the end.
     UnsupportedOption
         `length_bound` is not a positive number.
     """
@@ -103,6 +109,45 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
     def __post_init__(self) -> None:
         refuse_revisits(self.model, self.name)
         require_positive(self.name, length_bound=self.length_bound)
+        model = self.model
+        for k, resource in enumerate(model.resources):
+            ends = (
+                {model.kinds[model.end]}
+                if model.kinds.count(model.kinds[model.end]) == 1
+                else set()
+            )
+            if not {word for word, value in resource.lower_limits if value} <= (
+                ends if resource.name in {model.resources[j].name for j in self._kept} else set()
+            ):
+                raise UnsupportedFormulation(
+                    f"formulation {self.name!r} has lower limits at the end alone, of resources that neither "
+                    f"wait nor are reset, but resources[{k}] ({resource.name!r}) has others; use a native backend"
+                )
+
+    @cached_property
+    def _kept(self) -> tuple[int, ...]:
+        """Resources without resets and floors."""
+        return tuple(
+            k
+            for k in range(len(self.model.resources))
+            if np.isinf(self.model.resets[:, k]).all() and not self.model.floors[:, k].any()
+        )
+
+    @cached_property
+    def _ordered(self) -> bool:
+        """Whether the program must exclude separate cycles."""
+        model = self.model
+        return model.has_prizes or bool(model.lower_limits.any())
+
+    @cached_property
+    def _knapsacks(self) -> tuple[int, ...]:
+        """Resources whose levels one row replaces."""
+        model = self.model
+        limit = model.limits[model.codes]
+        least = limit[model.end]
+        return tuple(
+            k for k in self._kept if np.isfinite(least[k]) and least[k] <= limit[:, k].min()
+        )
 
     def bounded(self, objective: float) -> ResourceFlowFormulation:
         """Return the formulation without arcs that only routes longer than `objective` can use."""
@@ -111,12 +156,18 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
     @cached_property
     def arcs(self) -> UsedArcs:
         """Arcs with columns in the program."""
-        return possible_arcs(self.model, np.inf if self.length_bound is None else self.length_bound)
+        bound = np.inf if self.length_bound is None else self.length_bound
+        arcs = possible_arcs(self.model, bound)
+        if self._ordered:
+            arcs = replace(arcs, use=np.column_stack([arcs.use, np.ones(len(arcs))]))
+        return arcs
 
     @cached_property
     def floor(self) -> float:
         """Length of the shortest path from start to end over the possible arcs."""
         model, arcs = self.model, self.arcs
+        if model.has_prizes:
+            return -np.inf
         ahead, _ = shortest_ways(
             len(model.kinds), model.start, model.end, arcs.tail, arcs.head, arcs.length
         )
@@ -129,8 +180,18 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         return tuple(
             self._columns(k)
             for k in range(len(self.model.resources))
-            if np.isfinite(self.model.limits[:, k]).any()
-        )
+            if np.isfinite(self.model.limits[:, k]).any() and k not in self._knapsacks
+        ) + ((self._order(),) if self._ordered else ())
+
+    def _order(self) -> _Levels:
+        """Return the columns of the number of arcs up to each point."""
+        arcs, none = self.arcs, np.empty(0, np.int64)
+        carrying = np.flatnonzero(arcs.tail != self.model.start)
+        room = np.full(carrying.size, max(len(self.model.kinds) - 2.0, 0.0))
+        return _Levels(
+            len(self.model.resources), carrying, room, np.zeros(len(arcs)), none, np.empty(0),
+            np.ones(carrying.size),
+        )  # fmt: skip
 
     def _columns(self, k: int) -> _Levels:
         model, arcs = self.model, self.arcs
@@ -140,8 +201,8 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         # The sum of the largest uses into all points bounds the level of a simple route.
         largest = np.zeros(n)
         np.maximum.at(largest, arcs.head, arcs.use[:, k])
-        most = np.minimum(limit, model.initial[k] + largest.sum())
-        leaving = least_levels(model, arcs)[:, k]
+        most = np.minimum(limit, model.initial[k] + model.floors[:, k].max() + largest.sum())
+        leaving = least_levels(model, self._with_uses)[:, k]
         least = np.full(n, np.inf)
         np.minimum.at(least, arcs.head, leaving[arcs.tail] + arcs.use[:, k])
         inner = np.ones(n, bool)
@@ -160,6 +221,11 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
             k, carrying, np.maximum(room, 0.0), constant, either, most[either],
             leaving[arcs.tail[carrying]],
         )  # fmt: skip
+
+    @cached_property
+    def _with_uses(self) -> UsedArcs:
+        """Arcs without the column of the order."""
+        return replace(self.arcs, use=self.arcs.use[:, : len(self.model.resources)])
 
     def build(self) -> MixedIntegerProgram:
         """Return the program described in the module's docstring."""
@@ -187,6 +253,15 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
             "visited at most once", inner.size, (place[arcs.tail[tails]], x[tails], 1.0),
             upper=1, template="at point {0}", index=inner,
         )  # fmt: skip
+        for k in range(len(model.resources)):
+            low = float(model.lower_limits[model.codes[model.end], k])
+            if k in self._knapsacks or (low and k in self._kept):
+                high = model.rounded_limits[model.codes[model.end], k] - model.initial[k]
+                low -= model.initial[k]
+                b.rows(
+                    f"{model.resources[k].name} of the route", 1, (0, x, arcs.use[:, k]),
+                    lower=low if low > 0 else -np.inf, upper=high, unit=model.resources[k].unit,
+                )  # fmt: skip
         for levels in self._levels:
             self._add(b, levels, x, index)
         self._add_rows(b, x)
@@ -199,11 +274,13 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         """Add the columns and rows of one resource."""
         model, arcs = self.model, self.arcs
         k, carrying, room, constant, either, most, least = levels
-        resource = model.resources[k]
-        name = resource.name
+        is_order = k == len(model.resources)
+        name, unit = (
+            ("order", "") if is_order else (model.resources[k].name, model.resources[k].unit)
+        )
         u = b.columns(
             f"{name} carried", carrying.size, upper=room, template="on arc {0}-{1}",
-            index=index[carrying], unit=resource.unit,
+            index=index[carrying], unit=unit,
         )  # fmt: skip
         z = b.columns(
             f"{name} reset", either.size, upper=1, integral=True, template="at point {0}",
@@ -212,15 +289,15 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         entry = np.arange(carrying.size)
         b.rows(
             f"{name} within limits", carrying.size, (entry, u, 1.0), (entry, x[carrying], -room),
-            upper=0, template="along arc {0}-{1}", index=index[carrying], unit=resource.unit,
+            upper=0, template="along arc {0}-{1}", index=index[carrying], unit=unit,
         )  # fmt: skip
         some = np.flatnonzero(least > 0.0)
         b.rows(
             f"{name} gained at least", some.size, (np.arange(some.size), u[some], 1.0),
             (np.arange(some.size), x[carrying[some]], -least[some]), lower=0,
-            template="along arc {0}-{1}", index=index[carrying[some]], unit=resource.unit,
+            template="along arc {0}-{1}", index=index[carrying[some]], unit=unit,
         )  # fmt: skip
-        reset = model.resets[model.codes, k]
+        reset = np.full(len(model.kinds), np.inf) if is_order else model.resets[model.codes, k]
         tails_with_level = np.unique(arcs.tail[carrying])
         place = np.full(len(model.kinds), -1)
         place[tails_with_level] = np.arange(tails_with_level.size)
@@ -233,7 +310,7 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
             (place[arcs.head[carrying[carried]]], u[carried], -1.0),
             (place[arcs.head[into]], x[into], -use[into]),
             (place[either], z, most - reset[either]),
-            lower=0, template="at point {0}", index=tails_with_level, unit=resource.unit,
+            lower=0, template="at point {0}", index=tails_with_level, unit=unit,
         )  # fmt: skip
         spot = np.full(len(model.kinds), -1)
         spot[either] = np.arange(either.size)
@@ -241,7 +318,7 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         b.rows(
             f"{name} left by a reset", either.size, (spot[tails[at_resets]], u[at_resets], 1.0),
             (np.arange(either.size), z, -reset[either]), lower=0, template="at point {0}",
-            index=either, unit=resource.unit,
+            index=either, unit=unit,
         )  # fmt: skip
 
     def encode(self, plan: Route) -> Floats:
@@ -264,6 +341,10 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         parts = [point]
         for levels in self._levels:
             carried, resets = np.zeros(len(arcs)), np.zeros(n)
+            if levels.resource == len(model.resources):
+                carried[used] = np.arange(len(used))
+                parts.append(carried[levels.carrying])
+                continue
             for arc, visit in zip(used, visits, strict=False):
                 carried[arc] = visit.leaving[levels.resource]
             for visit in visits:

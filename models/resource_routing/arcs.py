@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,7 +35,7 @@ class UsedArcs:
     tail, head : ndarray of int, shape (k,)
         Point indices.
     length : ndarray, shape (k,)
-        Lengths.
+        Lengths, less the prizes of the heads and, for arcs out of the start, of the start.
     use : ndarray, shape (k, r)
         Use of each resource on each arc, including the gain of the head.
     """
@@ -115,12 +115,13 @@ def least_levels(model: RoutingData, arcs: UsedArcs) -> Floats:
 
     The bound is the minimum over incoming arcs of the tail's bound plus the use of the arc.
     """
-    resets = model.resets[model.codes]
+    resets, floors = model.resets[model.codes], model.floors[model.codes]
     least = np.zeros((len(model.kinds), len(model.resources)))
     for _ in range(_PASSES):
         arrival = np.full(least.shape, np.inf)
         np.minimum.at(arrival, arcs.head, least[arcs.tail] + arcs.use)
-        after = np.where(np.isfinite(arrival), np.minimum(arrival, resets), np.inf)
+        after = np.minimum(np.maximum(arrival, floors), resets)
+        after = np.where(np.isfinite(arrival), after, np.inf)
         after[model.start] = model.initial
         if np.array_equal(after, least):
             break
@@ -143,10 +144,15 @@ def possible_arcs(model: RoutingData, length_bound: float = np.inf) -> UsedArcs:
 
     An arc is removed if it violates the head's limits even with the least levels on leaving the tail,
     if start or end is not connected to it, or if the shortest path through it is longer than
-    `length_bound`. The tests are repeated until no arc is removed.
+    `length_bound`, which does not apply to models with prizes. The tests are repeated until no arc is removed.
     """
-    most = length_bound * (1 + 1e-9)
+    most = length_bound * (1 + 1e-9) if model.prizes is None and not model.has_prizes else np.inf
     arcs = _pairs(model, most) if model.arcs is None else _listed(model)
+    if model.prizes is not None:
+        prize = model.prizes[arcs.head] + np.where(
+            arcs.tail == model.start, model.prizes[model.start], 0.0
+        )
+        arcs = replace(arcs, length=arcs.length - prize)
     limit = model.rounded_limits[model.codes]
     while True:
         least = least_levels(model, arcs)
@@ -157,9 +163,9 @@ def possible_arcs(model: RoutingData, length_bound: float = np.inf) -> UsedArcs:
             model.end,
             remaining.tail,
             remaining.head,
-            remaining.length,
+            np.maximum(remaining.length, 0.0),
         )
-        through = ahead[remaining.tail] + remaining.length + behind[remaining.head]
+        through = ahead[remaining.tail] + np.maximum(remaining.length, 0.0) + behind[remaining.head]
         remaining = remaining.where((through <= most) & np.isfinite(through))
         if len(remaining) == len(arcs):
             return remaining

@@ -30,7 +30,12 @@ class Ends(Protocol):
 
 
 def refuse_revisits(model: Ends, formulation: str) -> None:
-    """Raise :class:`UnsupportedFormulation` if the model allows revisits."""
+    """Raise :class:`UnsupportedFormulation` if the model allows revisits or asks for several routes."""
+    if getattr(model, "routes", 1) > 1:
+        raise UnsupportedFormulation(
+            f"formulation {formulation!r} returns one route, but the model has routes={model.routes}; "
+            "set routes=1 or use a native backend"
+        )
     if model.revisits:
         raise UnsupportedFormulation(
             f"formulation {formulation!r} visits a point at most once, but the model has revisits=True; "

@@ -36,7 +36,12 @@ def diagnose_resources(model: ResourceRouting, time_limit: float | None = None) 
     if ends is not False:
         summary = f"a route exists: {text}" if ends else f"not settled: {text}"
         return Diagnosis(model.name, ends, _METHOD, summary)
-    parts = [(k, word) for k, resource in enumerate(model.resources) for word, _ in resource.limits]
+    parts = [
+        (k, table, word)
+        for k, resource in enumerate(model.resources)
+        for table in ("limits", "lower_limits")
+        for word, _ in getattr(resource, table)
+    ]
     if not parts or _ends(_keeping(model, []), time_limit)[0] is False:
         return Diagnosis(
             model.name, False, _METHOD, "no route: no way of arcs leads from the start to the end"
@@ -49,7 +54,7 @@ def diagnose_resources(model: ResourceRouting, time_limit: float | None = None) 
             parts = fewer
         elif ends is None:
             unsure.add(part)
-    findings = tuple(_finding(model, k, word, (k, word) in unsure) for k, word in parts)
+    findings = tuple(_finding(model, part, part in unsure) for part in parts)
     summary = f"no route keeps {'these limits together' if len(parts) > 1 else 'this limit'}"
     return Diagnosis(model.name, False, _METHOD, summary, findings)
 
@@ -63,24 +68,31 @@ def _ends(model: ResourceRouting, time_limit: float | None) -> tuple[bool | None
     return (False if settled else None), str(result.termination)
 
 
-def _keeping(model: ResourceRouting, parts: list[tuple[int, str]]) -> ResourceRouting:
-    """Return the model with only the limits `parts`: pairs of resource index and kind."""
+def _keeping(model: ResourceRouting, parts: list[tuple[int, str, str]]) -> ResourceRouting:
+    """Return the model with only the limits `parts`: resource index, table and kind of each."""
+
+    def some(k: int, table: str) -> dict[str, float]:
+        values = getattr(model.resources[k], table)
+        return {word: value for word, value in values if (k, table, word) in parts}
+
     resources = tuple(
         Resource(
             entry.name, entry.rate, entry.initial, gains=entry.gains, resets=entry.resets,
-            limits={word: value for word, value in entry.limits if (k, word) in parts},
+            limits=some(k, "limits"), lower_limits=some(k, "lower_limits"), floors=entry.floors,
         )
         for k, entry in enumerate(model.resources)
     )  # fmt: skip
     return replace(model, resources=resources)
 
 
-def _finding(model: ResourceRouting, k: int, word: str, unsure: bool) -> Finding:
+def _finding(model: ResourceRouting, part: tuple[int, str, str], unsure: bool) -> Finding:
+    k, table, word = part
     resource = model.resources[k]
-    limit = dict(resource.limits)[word]
+    limit = dict(getattr(resource, table))[word]
     points = np.flatnonzero(model.codes == model.words.index(word)).tolist()
     shown = ", ".join(map(model.label, points[:5])) + (" …" if len(points) > 5 else "")
-    text = f"{resource.name} at most {limit:g} at {word} (point {shown})"
+    side = "most" if table == "limits" else "least"
+    text = f"{resource.name} at {side} {limit:g} at {word} (point {shown})"
     if unsure:
         text += "; whether it is needed was not settled in time"
     data = {"resource": resource.name, "kind": word, "limit": limit, "settled": not unsure}

@@ -71,6 +71,8 @@ class ResourceLabelling(RouteSearch):
         from .outcomes import FOUND, NOTHING
         from .start import Start
 
+        if problem.routes > 1:
+            cutoff = math.inf  # the other routes may be longer
         start = Start(problem, request)
         start.begin()
         made = settled = 0
@@ -101,8 +103,8 @@ def _stages(
     from .network import distances
 
     count, share = len(problem.kinds), LEAST
-    if problem.arcs is not None:
-        yield np.arange(count), 0.0, cutoff
+    if problem.arcs is not None or problem.has_prizes or problem.routes > 1:
+        yield np.arange(count), -math.inf if problem.has_prizes else 0.0, cutoff
         return
     assert problem.points is not None
     detour = distances(problem.points, problem.start) + distances(problem.points, problem.end)
@@ -151,7 +153,8 @@ def _under(
     else:
         bounds = plain_bounds(net)
         start.search(net, bounds.ahead, rows)
-        cutoff = min(cutoff, start.length * (1.0 + MARGIN))
+        if problem.routes == 1:
+            cutoff = min(cutoff, start.length * (1.0 + MARGIN))
     light = MOST_LABELS if signed or not cumulative(net).size else LIGHT + 4 * len(rows)
     memory, shut = Memory(net, signed), shut_levels(net)
 

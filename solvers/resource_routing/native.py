@@ -44,7 +44,7 @@ class RouteSearch(Backend):
 
         self.require_support(problem)
         begin = clock()
-        cutoff = math.inf if request.cutoff is None else request.cutoff * (1 + 1e-9)
+        cutoff = math.inf if request.cutoff is None else request.cutoff + 1e-9 * abs(request.cutoff)
         result, details = self.find(problem, cutoff, request)
         seconds = {"solve": clock() - begin}
         others = tuple(tuple(other.tolist()) for other in result.others)

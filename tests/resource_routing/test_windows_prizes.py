@@ -7,7 +7,7 @@ import pytest
 from resource_draws import neighbours
 
 import crosstrack as ct
-from crosstrack.errors import InvalidData
+from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.models import Model, Resource, ResourceRouting, Route
 
 NAME = "resource-labelling"
@@ -186,3 +186,51 @@ def test_scaled_prizes(scale):
     assert ct.solve(scaled, NAME).primal_bound == pytest.approx(
         ct.solve(model, NAME).primal_bound * scale
     )
+
+
+def test_arc_flow_agrees_with_enumeration():
+    """The program with windows, prizes, lower limits at the end, and no separate cycles."""
+    refused = feasible = 0
+    for seed in range(80):
+        model = rich_model(seed)
+        routes = simple_routes(model)
+        try:
+            formulation = model.formulate("arc-flow")
+        except UnsupportedFormulation as error:
+            assert "lower limits at the end alone" in str(error)
+            refused += 1
+            continue
+        found = ct.solve(model, "highs")
+        assert found.termination == ("optimal" if routes else "infeasible"), seed
+        if routes:
+            feasible += 1
+            assert found.primal_bound == pytest.approx(min(routes.values()), abs=1e-6), seed
+            plan = ct.solve(model, NAME).plan
+            point = formulation.encode(plan)
+            assert formulation.program.verify(point).ok, seed
+            assert formulation.decode(point) == plan
+    assert refused > 0 and feasible > 40
+
+
+def test_arc_flow_refuses_several_routes():
+    with pytest.raises(UnsupportedFormulation, match="routes=2"):
+        bank(routes=2).formulate("arc-flow")
+
+
+def test_a_resource_without_resets_takes_one_row():
+    model = rich_model(1)
+    fuel = Resource("fuel", limits={kind: 30 for kind in model.kinds})
+    plain = ResourceRouting(
+        model.kinds, [fuel], 0, 1, arcs=model.arcs, lengths=abs(model.lengths),
+        uses=[[1.0]] * len(model.arcs),
+    )  # fmt: skip
+    program = plain.formulate("arc-flow").program
+    assert program.cost.size == len(plain.formulate("arc-flow").arcs)
+
+
+def test_diagnosis_names_a_lower_limit():
+    model = bank(arcs=[[0, 3]])
+    late = Resource("time", rate=1, limits={"end": 9}, lower_limits={"end": 8})
+    found = ct.diagnose(ResourceRouting(model.kinds, [late], 0, 3, points=model.points, arcs=[[0, 3]]))
+    assert found.feasible is False
+    assert [str(one.text) for one in found.findings] == ["time at least 8 at end (point 3)"]

@@ -1,0 +1,117 @@
+"""Files of SPPRCLIB, PathWyse and the OR-Library: read, proven, and damaged files refused."""
+
+from pathlib import Path
+
+import pytest
+
+import crosstrack as ct
+from crosstrack.errors import CrosstrackError, InvalidData, UnsupportedFormulation
+from crosstrack.instances.resource_routing import read_rcsp, read_spprclib
+
+FILES = Path(__file__).resolve().parents[3] / "shared" / "data" / "rcsp"
+NAME = "resource-labelling"
+#: Optima that HiGHS proves, too, except for A-n54-k7-149.
+OPTIMA = {
+    "rcsp1.txt": 131, "rcsp3.txt": 2, "rcsp7.txt": 6, "rcsp11.txt": 6, "rcsp15.txt": 9, "rcsp21.txt": 858,
+    "toy.txt": -10435, "A-n54-k7-149.sppcc": -12492,
+}  # fmt: skip
+
+
+@pytest.mark.skipif(not FILES.exists(), reason="the public files are not beside the project")
+@pytest.mark.parametrize("name", OPTIMA)
+def test_public_files_are_proven(name):
+    model = ct.load(str(FILES / name))
+    found = ct.solve(model, NAME)
+    assert found.termination == "optimal"
+    assert found.primal_bound == found.dual_bound == OPTIMA[name]
+
+
+TEXT = """NAME : small
+SIZE : 3
+DIRECTED : {directed}
+RESOURCES : 2
+RES_NAMES : 0 1
+RES_TYPE
+0 CAP
+1 TW
+END
+RES_BOUND
+0 {least} 9
+END
+RES_NODE_BOUND
+1 1 4 6
+1 2 0 20
+END
+EDGE_COST
+0 0 0
+0 1 1
+0 2 9
+1 2 2
+2 0 3
+1 0 8
+END
+EDGE_CONSUMPTION
+1 0 1 1
+1 1 2 2
+END
+NODE_COST
+0 -1
+1 -5
+END
+NODE_CONSUMPTION
+0 1 4
+0 2 4
+1 1 7
+END
+"""
+
+
+def read(tmp_path, text, **fields):
+    path = tmp_path / "small.sppcc"
+    path.write_text(text)
+    return read_spprclib(path, **fields)
+
+
+def test_windows_service_and_the_copy_of_the_origin(tmp_path):
+    model = read(tmp_path, TEXT.format(directed=1, least=0))
+    assert (model.start, model.end, len(model.kinds), len(model.arcs)) == (0, 3, 4, 5)
+    found = ct.solve(model, NAME)
+    assert found.plan.route == (0, 1, 2, 3) and found.primal_bound == 1 + 2 + 3 - 5 - 1
+    rows = model.details(found.plan)
+    # Wait until 4, serve for 7, travel for 2.
+    assert [row["resource 1"] for row in rows][:3] == [0, 1, 13]
+    assert rows[2]["resource 0"] == 8
+
+
+def test_edges_of_undirected_files_lead_both_ways(tmp_path):
+    assert len(read(tmp_path, TEXT.format(directed=0, least=0)).arcs) == 6
+
+
+def test_lower_bounds_apply_to_the_whole_path(tmp_path):
+    model = read(tmp_path, TEXT.format(directed=1, least=9))
+    assert ct.solve(model, NAME).termination == "infeasible"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error"),
+    [
+        ("SIZE : 3", "SIZE : 3.5", InvalidData), ("SIZE : 3", "", InvalidData),
+        ("0 1 1\n", "0 7 1\n", InvalidData), ("0 1 1\n", "0 1\n", InvalidData),
+        ("0 1 1\n", "0 x 1\n", InvalidData), ("1 TW", "1 PDP", UnsupportedFormulation),
+        ("EDGE_CONSUMPTION", "ARC_DATA", UnsupportedFormulation),
+        ("1 1 4 6", "1 1 7 6", InvalidData), ("0 {least} 9", "0 10 9", InvalidData),
+    ],
+)  # fmt: skip
+def test_damaged_files_are_refused(tmp_path, old, new, error):
+    with pytest.raises(error):
+        read(tmp_path, TEXT.replace(old, new).format(directed=1, least=0))
+
+
+def test_lower_limits_of_the_or_library(tmp_path):
+    path = tmp_path / "small.txt"
+    path.write_text("3 3 1\n4\n9\n0 0 0\n1 3 1 1\n1 2 2 2\n2 3 2 2\n")
+    found = ct.solve(read_rcsp(path), NAME)
+    assert found.plan.route == (0, 1, 2) and found.primal_bound == 4
+    path.write_text("2 2 1\n4\n9\n0 0\n1 2 1 1\n1 2 2 5\n")
+    with pytest.raises(CrosstrackError, match="two arcs join"):
+        read_rcsp(path)
