@@ -259,6 +259,8 @@ class Backend(ABC):
     sees_hidden : bool
         Whether it receives the hidden data of a model. Such a backend is a reference for the others,
         and ``"auto"`` never selects it.
+    is_automatic : bool
+        Whether ``"auto"`` may select it.
     conflict_group : str
         Group of backends whose native libraries break each other in one process if their
         :attr:`natives` differ; empty if no conflict is known.
@@ -286,6 +288,7 @@ class Backend(ABC):
     integral_kinds: ClassVar[tuple[str, ...]] = ()
     integral_only: ClassVar[tuple[str, ...]] = ()
     sees_hidden: ClassVar[bool] = False
+    is_automatic: ClassVar[bool] = True
     conflict_group: ClassVar[str] = ""
     natives: ClassVar[tuple[str, ...]] = ()
     options: ClassVar[Mapping[str, Option]] = {}

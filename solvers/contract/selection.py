@@ -153,7 +153,7 @@ def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
                 return backend
     for backend, step in _takers(model, formulation):
         program = formulation is None and not isinstance(step, backend.accepts)
-        if program and best is not None and step.prefers_native:
+        if (program and best is not None and step.prefers_native) or not backend.is_automatic:
             continue
         if backend.guarantee is Guarantee.EXACT:
             return backend

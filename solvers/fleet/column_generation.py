@@ -96,6 +96,7 @@ class ColumnGeneration(FleetBackend):
         }
     )  # fmt: skip
     single_threaded = True
+    is_automatic = False  # as a search, fleet-search finds better plans within a short limit
     requires = ("highspy",)
     conflict_group = "highs"
     natives = ("highspy._core",)

@@ -144,7 +144,7 @@ def _redistribute(
 ) -> tuple[list[int], list[int]] | None:
     """Redistribute the nodes of two routes with the least overload; None for the same split."""
     assert model.demands is not None
-    nodes = np.array([*stops, *other])
+    nodes = np.array([*stops, *other], np.int64)
     picked = np.arange(nodes.size)
     if nodes.size > MOST:
         picked = np.sort(draw.choice(nodes.size, MOST, replace=False))

@@ -44,6 +44,7 @@ CASES = {
     ("error_correction", "two-stage"): (corrected, False),
     ("error_correction", "pulse"): (corrected, True),
     ("error_correction", "dynamic-programming"): (corrected, True),
+    ("fleet", "column-generation"): (fleet, True),
     ("fleet", "subset-dp"): (fleet, True),
     ("grid_path", "a-star"): (lambda: rooms("4"), True),
     ("grid_path", "dijkstra"): (lambda: rooms("4"), True),

@@ -1,0 +1,217 @@
+"""Column generation: optima and bounds against enumeration, and the reduced costs of its pricing."""
+
+import itertools
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fleet.enumerated import best, random_fleet
+from fleet.priced_fleets import best_rich, random_rich_fleet
+
+import crosstrack as ct
+from crosstrack.errors import UnsupportedFormulation
+from crosstrack.instances.fleet import read_vrplib
+from crosstrack.models import FleetRouting
+from crosstrack.solvers.contract.backend import Request
+from crosstrack.solvers.fleet import column_generation
+from crosstrack.solvers.fleet.route_kernels import CUTS
+from crosstrack.solvers.fleet.route_master import visits_twice
+from crosstrack.solvers.fleet.route_pricing import Network, Prices, Pricing, kinds_of
+
+FILES = Path(__file__).parents[3] / "shared" / "data" / "fleet-vrplib" / "CVRP"
+needs_files = pytest.mark.skipif(
+    not FILES.exists(),
+    reason="the public instances lie in ../shared/data/fleet-vrplib, which is absent",
+)
+
+
+def solved(model, seconds=120.0, **options):
+    """Return the answer of the backend, called directly."""
+    backend = column_generation.ColumnGeneration()
+    request = Request(time_limit=seconds, seed=1, options=backend.checked_options(options))
+    request.control.arm(seconds)
+    try:
+        return backend.run(model, request)
+    finally:
+        request.control.disarm()
+
+
+def settled(model, answer, value):
+    """Assert that an answer is the enumerated optimum, and its bound not above it."""
+    if value == np.inf:
+        assert answer.termination == "infeasible", (model.name, answer)
+        return
+    scale = max(abs(value), float(model.distances.max()))
+    assert answer.termination == "optimal", (model.name, answer)
+    assert answer.primal_bound == pytest.approx(value, rel=0, abs=2e-6 * scale)
+    assert answer.dual_bound <= value + 1e-12 * scale
+    assert model.verify(answer.point).ok
+
+
+@pytest.mark.parametrize("block", range(10))
+@pytest.mark.parametrize("start", [True, False])
+def test_equals_enumeration(block, start, monkeypatch):
+    """Without the heuristic and its bounds, the routes and the proof come from column generation alone."""
+    if not start:
+        monkeypatch.setattr(column_generation._Search, "_start", lambda self: None)
+    for seed in range(2000 + 10 * block, 2010 + 10 * block):
+        model = replace(
+            random_fleet(seed), objective="sum" if seed % 2 else "max", q=0.0, budget=None,
+            deviation_limit=None, range_limit=None,
+        )  # fmt: skip
+        settled(model, solved(model), best(model)[0])
+
+
+@pytest.mark.parametrize("block", range(10))
+def test_rich_fleets_equal_enumeration(block):
+    for seed in range(10 * block, 10 * block + 10):
+        model = random_rich_fleet(seed)
+        settled(model, solved(model), best_rich(model))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(500, 1500))
+def test_rich_fleets_equal_enumeration_often(seed):
+    model = random_rich_fleet(seed)
+    settled(model, solved(model), best_rich(model))
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e7])
+@pytest.mark.parametrize("objective", ["sum", "max"])
+def test_equals_subset_dp(objective, scale):
+    rng = np.random.default_rng(7)
+    model = FleetRouting(
+        3, points=scale * rng.random((11, 2)), objective=objective, demands=rng.integers(1, 5, 11),
+        capacity=[12, 12, 9], battery=3.2 * scale,
+    )  # fmt: skip
+    settled(model, solved(model), ct.solve(model, "subset-dp").primal_bound)
+
+
+def test_several_depots_and_asymmetric_costs_equal_the_program():
+    rng = np.random.default_rng(1)
+    costs = rng.uniform(1, 9, (9, 9)) * (1 - np.eye(9))
+    model = FleetRouting(3, costs=costs, depots=[0, 0, 1], objective="sum", use_all=False,
+                         demands=np.ones(9), capacity=[3, 3, 4])  # fmt: skip
+    program = ct.solve(model, "highs", formulation="three-index", gap=1e-9)
+    settled(model, solved(model), program.primal_bound)
+
+
+# -- pricing ---------------------------------------------------------------------------------------
+
+
+def priced(model, prices, near=None, exact=True, longest=np.inf):
+    """Return the network, and the result of the pricing of the first kind."""
+    network = Network(model, kinds_of(model))
+    if near is not None:
+        network.near[:] = near
+    pricing = Pricing(network, np.zeros(1, np.int8))
+    return network, pricing.best(0, prices, network.barred[0], longest, 1e3, exact)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_pricing_equals_enumeration(seed):
+    """Least reduced cost with a subset-row cut: exact with full ng-sets, and never above the optimum."""
+    rng = np.random.default_rng(seed)
+    n, members = 5, (0, 2, 3)
+    costs = rng.uniform(1, 3, (n + 1, n + 1)) * (1 - np.eye(n + 1))
+    if seed % 2:
+        costs = costs + costs.T
+    model = FleetRouting(2, costs=costs, objective="sum", demands=[0, 1, 2, 1, 3, 2], capacity=7)
+    memory = np.isin(np.arange(n), [*members, 4])
+    prices = Prices(rng.uniform(0, 5, n), np.zeros((n + 1, n + 1)), np.zeros(n, np.uint64),
+                    memory.astype(np.uint64))  # fmt: skip
+    prices.members[list(members)] = 1
+    prices.penalty[0] = 1.5
+    network, found = priced(model, prices, near=True)
+    least = np.inf
+    for count in range(1, n + 1):
+        for route in itertools.permutations(range(n), count):
+            if model.demands[[node + 1 for node in route]].sum() <= 7:
+                stops = [n, *route, n]
+                total = network.costs[0, stops[:-1], stops[1:]].sum()
+                total -= prices.nodes[list(route)].sum()
+                total += 1.5 * visits_twice(route, members, memory)
+                least = min(least, total)
+    assert found[0] == pytest.approx(least, abs=1e-12)
+    assert priced(model, prices, near=np.eye(n, dtype=bool))[1][0] <= found[0] + 1e-12
+    assert priced(model, prices, near=True, exact=False)[1][0] >= found[0] - 1e-12
+    assert prices.penalty.size == CUTS
+
+
+def test_length_limit_is_respected_by_the_pricing():
+    model = FleetRouting(1, points=[[0, 0], [3, 0], [0, 4], [3, 4]], objective="sum")
+    prices = Prices(np.full(3, 10.0), np.zeros((4, 4)), *np.zeros((2, 3), np.uint64))
+    for longest, size in ((5.9, 0), (6.0, 1), (8.0, 1), (12.0, 2), (13.0, 2), (14.0, 3)):
+        _, (_, routes) = priced(model, prices, near=True, longest=longest)
+        assert max((len(route) for route in routes), default=0) == size
+
+
+# -- contract --------------------------------------------------------------------------------------
+
+
+@needs_files
+@pytest.mark.parametrize(
+    ("name", "vehicles", "known"), [("X-n101-k25", 26, 27591), ("X-n110-k13", 13, 14971)]
+)
+def test_bounds_of_public_files_are_below_the_best_known(name, vehicles, known):
+    model = read_vrplib(FILES / f"{name}.vrp", vehicles, rounded=True, use_all=False)
+    answer = solved(model, 3.0)
+    assert answer.dual_bound <= known
+    assert answer.primal_bound is None or answer.primal_bound >= known
+
+
+def test_reports_incumbents_and_bounds():
+    points = np.random.default_rng(0).random((30, 2))
+    model = FleetRouting(4, points=points, objective="max")
+    bounds, plans = [], []
+
+    def listen(event):
+        bounds.extend([event.bound] if event.kind == "bound" else [])
+        plans.extend([event.incumbent.objective] if event.kind == "incumbent" else [])
+
+    result = ct.solve(model, "column-generation", time_limit=4, seed=1, on_event=listen)
+    assert bounds == sorted(bounds) and plans == sorted(plans, reverse=True)
+    assert max(bounds) <= min(plans)
+    assert result.dual_bound == pytest.approx(max(bounds))
+    assert result.verification.ok
+
+
+def test_is_never_selected_automatically():
+    model = FleetRouting(3, points=np.random.default_rng(0).random((30, 2)), objective="max")
+    assert ct.solve(model, time_limit=0.2).backend != "column-generation"
+
+
+def test_stops_at_once_and_keeps_the_warm_start():
+    points = np.random.default_rng(0).random((60, 2))
+    model = FleetRouting(3, points=points, objective="max")
+    warm = ct.solve(model, "fleet-search", time_limit=0.5, seed=2).plan
+    result = ct.solve(model, "column-generation", time_limit=1.0, warm_start=warm)
+    assert result.primal_bound <= model.verify(warm).objective
+    assert result.dual_bound <= result.primal_bound
+
+
+@pytest.mark.parametrize(
+    ("fields", "text"),
+    [
+        ({"objective": "range"}, "the objective 'range'"),
+        ({"objective": "sum", "budget": 9.0}, "the limit budget"),
+        ({"objective": "max", "deviation_limit": 1.0}, "the limit deviation_limit"),
+        ({"objective": "sum", "windows": [None, [(0, 1), (2, 3)], None]}, "several windows"),
+        ({"objective": "makespan"}, "makespan"),
+        ({"objective": "sum", "releases": [0, 1, 1]}, "releases"),
+    ],
+)
+def test_refuses_by_name(fields, text):
+    model = FleetRouting(1, points=[[0, 0], [1, 0], [2, 0]], **fields)
+    with pytest.raises(UnsupportedFormulation, match=text):
+        ct.solve(model, "column-generation")
+
+
+def test_a_fleet_that_is_too_small_is_infeasible():
+    points = [[0, 0], [1, 0], [2, 0], [0, 2]]
+    for objective in ("sum", "max"):
+        model = FleetRouting(
+            2, points=points, objective=objective, demands=[0, 2, 2, 2], capacity=3
+        )
+        assert solved(model).termination == "infeasible"
