@@ -334,7 +334,7 @@ class _Search:
             self.prove(relaxed.bound * self.unit + self.offset)
             if relaxed.values is None or self._integral(relaxed.values):
                 return relaxed
-            idle = 0 if relaxed.bound > best + GAIN * abs(best) else idle + 1
+            idle = 0 if relaxed.bound - best > GAIN * abs(relaxed.bound) else idle + 1
             best = max(best, relaxed.bound)
             if idle > ROUNDS or not self._cut(relaxed.values):
                 return relaxed
