@@ -109,8 +109,8 @@ def make(room: int, buckets: int, graph: Graph) -> Labels:
     """Return columns for `room` labels."""
     nodes, words = graph.near.shape
     return Labels(
-        *(np.empty(room, np.int64) for _ in range(4)), np.empty(room), np.empty(room, np.uint64),
-        np.empty(room, np.int8), np.empty((room, len(graph.limit))),
+        np.empty(room, np.int64), np.empty(room, np.int64), np.empty(room, np.int64),
+        np.empty(room, np.int64), np.empty(room), np.empty(room, np.uint64), np.empty(room, np.int8), np.empty((room, len(graph.limit))),
         np.empty((room, words), np.uint64), np.full((nodes, buckets), -1),
         np.full((nodes, buckets), math.inf), np.full((2, buckets), -1),
     )  # fmt: skip
@@ -141,7 +141,7 @@ def _dominates(labels: Labels, first: int, second: int, exact: bool, penalty: Fl
         if labels.seen[first, word] & ~labels.seen[second, word]:
             return False
     more = labels.odd[first] & ~labels.odd[second]
-    return more == np.uint64(0) or cost + _charge(more, penalty) <= other
+    return bool(more == np.uint64(0) or cost + _charge(more, penalty) <= other)
 
 
 @kernel

@@ -147,7 +147,7 @@ class Network:
         """Return the values of the arcs from the depot, between the nodes, and to the end."""
         nodes = self.model.customers
         stops = np.append(nodes, kind.home)
-        arcs = values[np.ix_(stops, stops)]
+        arcs: Floats = values[np.ix_(stops, stops)]
         arcs[:-1, -1] = values[nodes, kind.finish] if kind.finish >= 0 else 0.0
         return arcs
 
@@ -230,6 +230,14 @@ class Network:
         return True
 
 
+def _words(rows: NDArray[np.bool_]) -> NDArray[np.uint64]:
+    """Return each row as words of 64 bits."""
+    n = len(rows)
+    bits = np.zeros((n, -(-n // 64) * 64), bool)
+    bits[:, :n] = rows
+    return np.packbits(bits, axis=1, bitorder="little").view(np.uint64)
+
+
 def _additive(use: Floats, limit: float) -> Resource:
     """Return a resource that is only limited on the whole route."""
     limit *= 1.0 + ROUNDING
@@ -305,14 +313,7 @@ class Pricing:
         use, low, high, limit = (
             np.array(values) for values in zip(*network.resources(k, longest), strict=True)
         )
-        words = (n + 63) // 64
-        own = np.zeros((n, 64 * words), np.uint8)
-        own[np.arange(n), np.arange(n)] = 1
-        near = np.zeros_like(own)
-        near[:, :n] = network.near
-        own, near = (
-            np.packbits(bits, axis=1, bitorder="little").view(np.uint64) for bits in (own, near)
-        )
+        own, near = _words(np.eye(n, dtype=bool)), _words(network.near)
         graph = Graph(
             reduced, use, low, high, limit, own, near, prices.members, prices.memory,
             prices.penalty,
@@ -320,7 +321,7 @@ class Pricing:
         ahead = self._labels(graph, exact)
         if ahead is None:
             return None
-        behind = ahead
+        behind: tuple[Labels, int] | None = ahead
         if not (network.symmetric and np.array_equal(reduced, reduced.T)):
             behind = self._labels(
                 graph._replace(
@@ -331,8 +332,8 @@ class Pricing:
                 ),
                 exact,
             )
-            if behind is None:
-                return None
+        if behind is None:
+            return None
         value, pairs = np.full((n + 1, n + 1), most), np.full((n + 1, n + 1, 2), -2)
         (first, starts), (second, ends) = _sorted(ahead, n), _sorted(behind, n)
         if not join(

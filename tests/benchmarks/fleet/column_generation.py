@@ -30,6 +30,7 @@ from crosstrack.models.fleet import FleetPlan  # noqa: E402
 from crosstrack.solvers.contract.backend import Limit, Request  # noqa: E402
 from crosstrack.solvers.fleet.bound import lower_bound  # noqa: E402
 from crosstrack.solvers.fleet.column_generation import ColumnGeneration  # noqa: E402
+from crosstrack.solvers.fleet.fleet_search import FleetSearch  # noqa: E402
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 ROWS = (
@@ -128,6 +129,9 @@ if __name__ == "__main__":
     parser.add_argument("--highs", action="store_true")
     given = parser.parse_args()
     compile_always()
+    tiny = FleetRouting(2, points=np.random.default_rng(0).random((16, 2)))
+    options = FleetSearch().checked_options({})
+    FleetSearch().run(tiny, Request(seed=1, options=options))  # compiles
     columns = {
         "file and vehicles": "", "nodes": "d", "best plan": "", "fleet-search, gap in %": "",
         "HiGHS, gap in %": "", "column-generation, gap in %": "", "optimal": "",
