@@ -135,10 +135,8 @@ class _Search:
         self.priced = model.objective is not Objective.MAX
         prizes = np.full(model.size, np.nan) if model.prizes is None else model.prizes
         self.prizes = np.where(np.isnan(prizes), math.inf, prizes)[model.customers]
-        self.offset = -math.fsum(self.prizes[np.isfinite(self.prizes)].tolist())
+        self.offset = 0.0 - math.fsum(self.prizes[np.isfinite(self.prizes)].tolist())
         self.nodes = 0
-
-    # -- incumbent and bound ---------------------------------------------------------------------
 
     @property
     def closed(self) -> bool:
@@ -149,10 +147,10 @@ class _Search:
 
     @property
     def target(self) -> float:
-        """Value at or above which a lower bound closes the gap."""
+        """Value at or above which a lower bound closes the gap; below the incumbent."""
         if not math.isfinite(self.value):
             return math.inf
-        target = self.value - self.request.gap * abs(self.value)
+        target = self.value - max(self.request.gap, FEASIBLE) * abs(self.value)
         return min(target, self.value - 1.0 + INTEGRAL) if self.whole else target
 
     def prove(self, bound: float) -> None:
@@ -196,20 +194,21 @@ class _Search:
         self.control.incumbent(self.value, plan)
         return True
 
-    # -- solution --------------------------------------------------------------------------------
-
     def solve(self) -> None:
         """Find first routes, the bound of the root, and branch."""
         model, request = self.model, self.request
         start, self.plan = self.plan, None
         if start is not None:
             self.keep(start)
-        self.network = Network(model, kinds_of(model))
-        self.unit = self.network.unit
+        self.network = network = Network(model, kinds_of(model))
+        self.unit = network.unit
+        #: Relative value above those of all plans.
+        self.impossible = 2.0 * (network.size + model.vehicles)
+        self.prove(self.offset)  # no cost is negative
         self._start()
         if self.closed or self.control.stopped:
             return
-        network, kinds = self.network, self.network.kinds
+        kinds = network.kinds
         triangle = all(_keeps_triangles(entry) for entry in network.lengths)
         # Otherwise, an idle vehicle takes a node from another route, which becomes no longer.
         exact_counts = model.use_all and (self.priced or len(kinds) > 1 or not triangle)
@@ -225,8 +224,6 @@ class _Search:
         self._first_columns()
         try:
             relaxed = self._root() if self.priced else self._bisect()
-            if relaxed.values is not None and not self.closed and self.priced:
-                self._combine()
             if not self.closed and not self.infeasible and request.options.get("branch", True):
                 self._branch(relaxed.bound if self.priced else 0.0)
         except Stopped:
@@ -265,10 +262,12 @@ class _Search:
             for node in range(self.network.size):
                 if self.network.fits(k, (node,)):
                     self.master.add(k, (node,))
-            for vehicle in self.network.kinds[k].vehicles if self.plan is not None else ():
-                route = tuple(place[node] for node in self.plan.routes[vehicle])
-                if route:
-                    self.master.add(k, min(route, route[::-1]) if self.network.symmetric else route)
+        routes = () if self.plan is None else self.plan.routes
+        for vehicle, stops in enumerate(routes):
+            k = next(k for k, kind in enumerate(self.network.kinds) if vehicle in kind.vehicles)
+            route = tuple(place[node] for node in stops)
+            if route:
+                self.master.add(k, min(route, route[::-1]) if self.network.symmetric else route)
 
     def _root(self) -> Relaxed:
         """Solve the linear program of the root with cuts."""
@@ -281,6 +280,8 @@ class _Search:
             self.prove(relaxed.bound * self.unit + self.offset)
             if relaxed.values is None or self._integral(relaxed.values):
                 return relaxed
+            if best == -math.inf:
+                self._combine()
             idle = 0 if relaxed.bound - best > GAIN * abs(relaxed.bound) else idle + 1
             best = max(best, relaxed.bound)
             if idle > ROUNDS or not self._cut(relaxed.values):
@@ -320,13 +321,6 @@ class _Search:
                 high = min(tried, self.value)
         return relaxed
 
-    # -- one linear program ----------------------------------------------------------------------
-
-    @property
-    def impossible(self) -> float:
-        """Value above those of all plans."""
-        return 2.0 * (self.network.size + self.model.vehicles) if self.priced else 0.0
-
     def _relax(self, node: Node) -> Relaxed:
         """Solve the linear program of a node, unless its bound excludes better plans."""
         self.tree.enough = min((self.target - self.offset) / self.unit, self.impossible)
@@ -339,11 +333,10 @@ class _Search:
         most = math.inf
         if self.priced and self.bound is not None:
             most = (self.value - self.bound) / self.unit
-        columns = self.master.whole(most, seconds, lambda: self.control.stopped)
+        longest = self.tree.longest
+        columns = self.master.whole(most, longest, seconds, lambda: self.control.stopped)
         if columns:
             self.offer([(column.kind, column.route) for column in columns])
-
-    # -- branching -------------------------------------------------------------------------------
 
     def _integral(self, values: Floats) -> bool:
         """Return whether the columns are whole routes, and offer them."""
@@ -391,15 +384,11 @@ class _Search:
             else:
                 for child in self.tree.children(node, relaxed.values):
                     heapq.heappush(queue, (below, next(counter), child))
-        if self.closed:
-            return
-        if self.plan is None:
-            self.infeasible = True
-            return
-        self.complete = True
-        self.prove(
-            leaves * self.unit + self.offset if self.priced and not self.whole else self.target
-        )
+        if not self.closed:
+            self.infeasible = self.plan is None
+            self.complete = True
+            relative = self.priced and not self.whole
+            self.prove(leaves * self.unit + self.offset if relative else self.target)
 
 
 def _keeps_triangles(lengths: Floats) -> bool:

@@ -192,10 +192,12 @@ class Master:
         lacking = float(values[self.spare].sum())
         return value, values[self.index], np.array(solution.row_dual), lacking
 
-    def whole(self, most: float, seconds: float, stopped: Callable[[], bool]) -> list[Column]:
-        """Return the best plan of known routes of reduced cost up to `most`; empty without one.
+    def whole(
+        self, most: float, longest: float, seconds: float, stopped: Callable[[], bool]
+    ) -> list[Column]:
+        """Return the best plan of known routes up to the reduced cost `most`; empty without one.
 
-        It searches for at most `seconds`. The reduced costs are those of the last linear program.
+        Routes are at most `longest` long. It searches for at most `seconds`. The reduced costs are those of the last linear program.
         """
         import highspy
 
@@ -204,7 +206,8 @@ class Master:
         chosen = [
             self.columns[k]
             for k in order[self.reduced[order] <= most].tolist()
-            if len(set(self.columns[k].route)) == len(self.columns[k].route)
+            if self.columns[k].length <= longest
+            and len(set(self.columns[k].route)) == len(self.columns[k].route)
         ]
         program: Any = highspy.Highs()
         options = {"output_flag": False, "parallel": "off", "time_limit": max(seconds, 0.01)}

@@ -157,7 +157,7 @@ class Network:
         return (-math.inf, math.inf) if spans is None else (spans[0][0], spans[-1][1])
 
     def _shift(self, kind: Kind) -> tuple[float, float] | None:
-        """Return the earliest departure and the latest return; None if there is no feasible one."""
+        """Return the earliest departure and the latest return; None if no route is feasible."""
         begin, end = self._window(kind.home)
         early, late = max(kind.early, begin), kind.late
         if kind.finish >= 0:

@@ -30,11 +30,11 @@ SMOOTH = 0.6
 SOLVED = 1e-7
 #: Cost of a missing visit in units of the longest distance: first value, factor and largest value.
 PENALTY, RAISE, HIGHEST = 2.0, 10.0, 1e9
-#: Largest number of missing visits of a feasible linear program.
-FEASIBLE = 1e-9
+#: Number of missing visits up to which a linear program is feasible, and relative tolerance of a plan.
+LACKING, FEASIBLE = 1e-6, 1e-9
 #: Rounding error of one operation.
 EPSILON = 2.0**-52
-#: Distance of a value to a whole number that counts as integral.
+#: Largest distance of an integral value to a whole number.
 INTEGRAL = 1e-6
 
 
@@ -126,7 +126,7 @@ class Tree:
                     mixed = 0.0
                 elif not exact:
                     exact, mixed, guide = True, SMOOTH, bound
-                elif lacking > FEASIBLE and self.priced:
+                elif lacking > LACKING and self.priced:
                     if master.penalty > HIGHEST:
                         raise Stopped
                     master.set_penalty(RAISE * master.penalty)
@@ -134,7 +134,7 @@ class Tree:
                     break
                 else:
                     return Relaxed(bound, value, values)
-            if self.priced and value - bound <= SOLVED * abs(value) and lacking <= FEASIBLE:
+            if self.priced and value - bound <= SOLVED * abs(value) and lacking <= LACKING:
                 return Relaxed(bound, value, values)
 
     def _solved(self) -> tuple[float, Floats, Floats, float]:
@@ -150,7 +150,7 @@ class Tree:
         master, n = self.master, self.network.size
         prices = master.prices(duals)
         terms, added = master.terms(duals), 0
-        # Every label sums at most n + 1 reduced costs, each of which sums the prices of all rows.
+        # Every label sums at most n + 1 reduced costs, and each of these the prices of all rows.
         size = float(self.network.costs.max()) + math.fsum(np.abs(duals).tolist())
         error = EPSILON * (n + 4) * (n + len(duals) + 8) * size
         for k, (low, high) in enumerate(node.counts):
