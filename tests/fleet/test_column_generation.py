@@ -10,6 +10,7 @@ from fleet.enumerated import best, random_fleet
 from fleet.priced_fleets import best_rich, random_rich_fleet
 
 import crosstrack as ct
+from crosstrack import jit
 from crosstrack.errors import UnsupportedFormulation
 from crosstrack.instances.fleet import read_vrplib
 from crosstrack.models import FleetRouting
@@ -137,6 +138,21 @@ def test_pricing_equals_enumeration(seed):
     assert priced(model, prices, near=np.eye(n, dtype=bool))[1][0] <= found[0] + 1e-12
     assert priced(model, prices, near=True, exact=False)[1][0] >= found[0] - 1e-12
     assert prices.penalty.size == CUTS
+
+
+def test_kernels_equal_their_plain_python_version(monkeypatch):
+    rng = np.random.default_rng(2)
+    model = FleetRouting(
+        2, points=rng.random((9, 2)), objective="sum", demands=rng.integers(1, 4, 9), capacity=9,
+    )  # fmt: skip
+    members = np.array([1, 0, 1, 1, 0, 0, 0, 0], np.uint64)
+    prices = Prices(rng.uniform(0, 1, 8), np.zeros((9, 9)), members, np.ones(8, np.uint64))
+    prices.penalty[0] = 0.2
+    for exact in (True, False):
+        compiled = priced(model, prices, exact=exact)[1]
+        monkeypatch.setattr(jit._here, "deadline", 1e9)  # every kernel is interpreted
+        assert priced(model, prices, exact=exact)[1] == compiled
+        monkeypatch.undo()
 
 
 def test_length_limit_is_respected_by_the_pricing():
