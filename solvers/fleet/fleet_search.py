@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import clock
-from ...models.fleet import Deviation, FleetPlan, FleetRouting, Objective
+from ...models.fleet import FleetPlan, FleetRouting
 from ...models.fleet.checks import loads_of, objective_of
 from ..contract.backend import (
     Answer,
@@ -25,128 +24,32 @@ from ..contract.backend import (
     Termination,
 )
 from .bound import lower_bound, trip_bound
+from .candidate import PENALTY, Candidate, scaled
+from .giant_tour import GiantTour
 from .rivals import FleetBackend
-from .search_kernels import Fleet, Routes, anneal, measure
-from .start import first_plan, repair
+from .start import cut_tour, first_plan, repair
 
 __all__ = ["FleetSearch"]
 
 Floats = NDArray[np.float64]
 
-#: Number of nearest nodes next to which a node may be inserted.
-NEIGHBOURS = 20
-#: Temperatures relative to the energy: initial, initial for recombined routes, and final. Chosen from
-#: 0.003 … 0.1 for the shortest longest routes on TSPLIB instances of 51 to 200 nodes.
-HOT, WARM, COLD = 0.02, 0.01, 3e-4
-#: Weight of the mean load in the energy if the objective depends on the longest route.
-MEAN = 0.03
+#: Steps of annealing that take as long as a kick of a tour.
+PER_KICK = 5
 #: Steps of one annealing: per node, minimum and maximum.
 STEPS, LEAST, MOST = 250, 500, 50_000
 #: Size of the pool of routes for recombination.
 KEPT = 8
 #: Annealings from scratch per generation, and rounds without improvement that end it.
 BORN, STALE = 8, 10
-#: Penalty for a violation as large as its limit, in units of mean plus longest load: initial value, the
-#: factor of increase (all annealings violate a limit) or decrease (none does), and maximum.
-PENALTY, STRICTER, STRICTEST = 10.0, 2.0, 1e4
 #: Concurrent annealings; independent of the number of threads, so threads do not change the plan.
 ABREAST = 2
+#: Initial temperatures relative to the energy, from scratch and for recombined routes. Chosen from
+#: 0.003 … 0.1 for the shortest longest routes on TSPLIB instances of 51 to 200 nodes.
+HOT, WARM = 0.02, 0.01
+#: Factor of the penalty for violated limits, up or down, and its maximum.
+STRICTER, STRICTEST = 2.0, 1e4
 #: Relative improvement of the objective required for a new incumbent.
 BETTER = 1e-9
-
-
-#: Codes of the objectives in the kernels.
-CODES = {
-    Objective.SUM: 0, Objective.MAX: 1, Objective.DEVIATION: 2, Objective.RANGE: 3,
-    Objective.LEXICOGRAPHIC: 4, Objective.VARIANCE: 5,
-}  # fmt: skip
-
-
-def _scaled(model: FleetRouting) -> Fleet:
-    """Return the data of `model` for the kernels."""
-    n, m = model.size, model.vehicles
-    nodes = model.customers
-    unit = float(model.distances.max()) or 1.0
-    distances = np.ascontiguousarray(model.distances / unit)
-    both = distances + distances.T
-    near = np.full((n, max(1, min(NEIGHBOURS, len(nodes) - 1))), -1, np.int64)
-    for i in nodes:
-        others = nodes[nodes != i]
-        order = others[np.argsort(both[i, others], kind="stable")][: near.shape[1]]
-        near[i, : order.size] = order
-    none = math.inf
-    divisor = m - 1 if model.deviation is Deviation.SAMPLE else m
-    # The variance is in squared units.
-    scale = unit if model.objective is Objective.VARIANCE else 1.0
-    weight = 1e-6 if model.objective is Objective.LEXICOGRAPHIC else model.q * scale
-    flat = model.objective in (Objective.MAX, Objective.LEXICOGRAPHIC)
-    # In the order of the kernels.
-    limits = (model.budget, model.deviation_limit, model.range_limit)
-    rules = [
-        float(CODES[model.objective]), weight, float(divisor), MEAN if flat else 0.0,
-        *(none if limit is None else limit / unit for limit in limits), PENALTY, -none,
-    ]  # fmt: skip
-
-    def each(limit: Floats | None, scale: float) -> Floats:
-        return np.full(m, none) if limit is None else np.array(limit) / scale
-
-    return Fleet(
-        nodes, near, distances, np.concatenate([np.arange(n), model.homes]),
-        np.zeros(n) if model.demands is None else np.array(model.demands),
-        each(model.capacity, 1.0), each(model.battery, unit), np.array(rules), model.use_all,
-    )  # fmt: skip
-
-
-class _Candidate:
-    """Routes with their key, the violation of limits and the objective; infinite if nodes are missing.
-
-    `stops` lists the nodes of each vehicle. Annealing inserts the missing nodes.
-    """
-
-    def __init__(self, fleet: Fleet, stops: list[list[int]]) -> None:
-        self.fleet, m = fleet, len(fleet.battery)
-        n = len(fleet.place) - m
-        marks = np.concatenate([np.zeros(n, np.int64), n + np.arange(m)])
-        none = np.full(n + m, -1, np.int64)
-        self.routes = routes = Routes(
-            marks, marks.copy(), none, np.zeros(m), np.zeros(m), np.zeros(m, np.int64)
-        )
-        self.key = (math.inf, math.inf)
-        for k, nodes in enumerate(stops):
-            for a, b in itertools.pairwise([n + k, *nodes, n + k]):
-                routes.after[a], routes.before[b] = b, a
-                if nodes:
-                    routes.loads[k] += fleet.distances[fleet.place[a], fleet.place[b]]
-            routes.route[nodes] = k
-            routes.counts[k] = len(nodes)
-            routes.carried[k] = fleet.demands[nodes].sum()
-        if (routes.route[fleet.nodes] >= 0).all():
-            self._measure()
-
-    def _measure(self) -> None:
-        _, objective, broken = measure(self.fleet, self.routes)
-        self.key = (float(broken), float(objective))
-
-    def stops(self) -> list[list[int]]:
-        """Return the stops of each vehicle."""
-        after, m = self.routes.after.tolist(), len(self.fleet.battery)
-        n = len(after) - m
-        routes = []
-        for k in range(m):
-            stops, node = [], after[n + k]
-            while node < n:
-                stops.append(node)
-                node = after[node]
-            routes.append(stops)
-        return routes
-
-    def anneal(
-        self, hot: float, steps: int, flag: NDArray[np.int8], draw: np.random.Generator
-    ) -> int:
-        """Anneal the routes, set them to the best ones found and return the number of steps."""
-        done = anneal(self.fleet, self.routes, hot, COLD, steps, flag, draw)
-        self._measure()
-        return int(done)
 
 
 class FleetSearch(FleetBackend):
@@ -191,7 +94,8 @@ class _Search:
 
     model: FleetRouting
     request: Request
-    pool: list[_Candidate] = field(default_factory=list)
+    pool: list[Candidate] = field(default_factory=list)
+    tour: GiantTour | None = None
     best: FleetPlan | None = None
     objective: float = math.inf
     packing: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
@@ -206,7 +110,8 @@ class _Search:
         """Run the search and return its answer."""
         model, request = self.model, self.request
         begin = clock()
-        self.fleet = _scaled(model)
+        self.fleet = scaled(model)
+        self.tour = GiantTour.of(model, self.fleet)
         seeds = np.random.SeedSequence(request.seed or 0).spawn(ABREAST)
         self.draws = [np.random.default_rng(seed) for seed in seeds]
         self.begin()
@@ -247,7 +152,7 @@ class _Search:
             self.prove(trip_bound(model))
         self.packing = np.random.default_rng(np.random.SeedSequence([request.seed or 0, 1]))
         if request.warm_start is not None:
-            self.offer(_Candidate(self.fleet, [list(route) for route in request.warm_start.routes]))
+            self.offer(Candidate(self.fleet, [list(route) for route in request.warm_start.routes]))
             return
         first = first_plan(model, self.packing, lambda: self.must_stop)
         if first is not None:
@@ -262,8 +167,12 @@ class _Search:
         improved = False
         flag = request.control.flag
 
-        def work(job: tuple[_Candidate, float, np.random.Generator]) -> int:
+        def work(job: tuple[Candidate, float, np.random.Generator]) -> int:
             candidate, hot, draw = job
+            if self.tour is not None:
+                stops, done = self.tour.improve(candidate.stops(), steps // PER_KICK, flag, draw)
+                candidate.assign(stops)
+                return done
             return candidate.anneal(hot, steps, flag, draw)
 
         while idle < options["patience"] and not self.within_gap:
@@ -302,30 +211,34 @@ class _Search:
         elif not any(broken):
             self.fleet.rules[7] = max(self.fleet.rules[7] / STRICTER, PENALTY)
 
-    def repair(self, candidate: _Candidate) -> bool:
+    def repair(self, candidate: Candidate) -> bool:
         """Remove the overload of annealed routes and offer them; return whether they are the best."""
-        if not (candidate.routes.carried > self.fleet.capacity).any():
+        if not (candidate.routes.values[1] > self.fleet.limits[1]).any():
             return False
         fixed = repair(self.model, candidate.stops(), self.packing, lambda: self.must_stop)
-        return fixed is not None and self.offer(_Candidate(self.fleet, fixed))
+        return fixed is not None and self.offer(Candidate(self.fleet, fixed))
 
     def select_start(
         self, draw: np.random.Generator
-    ) -> tuple[_Candidate, float, np.random.Generator]:
+    ) -> tuple[Candidate, float, np.random.Generator]:
         """Return routes to anneal, empty or recombined from the pool, and their temperature."""
+        if self.tour is not None:
+            self.born = BORN
+            first = self.pool[0].stops() if self.pool else cut_tour(self.model)
+            return Candidate(self.fleet, first), WARM, draw
         if self.born < BORN:
             self.born += 1
-            return _Candidate(self.fleet, []), HOT, draw
+            return Candidate(self.fleet, []), HOT, draw
         a, b = (int(k) for k in draw.integers(0, len(self.pool), 2))
         return self.cross(self.pool[a], self.pool[b], draw), WARM, draw
 
-    def cross(self, parent: _Candidate, other: _Candidate, draw: np.random.Generator) -> _Candidate:
+    def cross(self, parent: Candidate, other: Candidate, draw: np.random.Generator) -> Candidate:
         """Return the crossover of two fleets: random routes of `parent`, completed from `other`."""
         first, second = parent.stops(), other.stops()
         m = len(first)
         chosen = [k for k in range(m) if draw.random() < 0.5]
         if parent is other or not chosen:
-            return _Candidate(self.fleet, first)
+            return Candidate(self.fleet, first)
         taken = {node for k in chosen for node in first[k]}
         routes: list[list[int]] = [[] for _ in range(m)]
         free = [k for k in range(m) if k not in chosen]
@@ -341,10 +254,10 @@ class _Search:
             routes[k] = [node for node in stops if node not in taken]
         missing = len(self.fleet.nodes) - sum(map(len, routes))
         if self.model.use_all and sum(not stops for stops in routes) > missing:
-            return _Candidate(self.fleet, first)
-        return _Candidate(self.fleet, routes)
+            return Candidate(self.fleet, first)
+        return Candidate(self.fleet, routes)
 
-    def offer(self, candidate: _Candidate) -> bool:
+    def offer(self, candidate: Candidate) -> bool:
         """Add new routes to the pool if they are good enough; return whether they are the best."""
         if candidate.key not in [member.key for member in self.pool]:
             self.pool.append(candidate)
