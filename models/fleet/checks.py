@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -63,7 +62,7 @@ def loads_of(model: FleetData, plan: FleetPlan) -> Floats:
             vehicle = min(k, model.vehicles - 1)
             end = int(model.finishes[vehicle])
             stops = [int(model.homes[vehicle]), *route, *([end] if end >= 0 else [])]
-            loads[k] = sum(model.distances[a, b] for a, b in itertools.pairwise(stops))
+            loads[k] = sum(model.legs(stops[:-1], stops[1:]).tolist())
     return loads
 
 
@@ -150,7 +149,7 @@ def verify_routes(model: RichData, plan: FleetPlan, tolerance: float) -> Verific
 
     def check_each(name: str, values: Floats, limits: Floats, unit: str) -> Check:
         # A limit of 0 has no scale, so the longest distance is used instead.
-        scale = np.where(limits > 0, limits, float(model.distances.max()))
+        scale = np.where(limits > 0, limits, model.longest)
 
         def place(k: int) -> str:
             return f"vehicle {k}" if len(values) > 1 else ""

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
 from ..declaration import Nested
@@ -43,6 +43,8 @@ Ints = NDArray[np.int64]
 
 #: Maximum number of vehicles, and of nodes.
 MOST = 10_000
+#: Largest number of points whose distances are always stored.
+LARGE = 1000
 #: Number of distances computed at once, which limits the memory for differences.
 BLOCK = 1 << 20
 #: Weight of the sum in the lexicographic objective.
@@ -237,12 +239,17 @@ class FleetData(Model[FleetPlan]):
             raise InvalidData(f"{name} must be given together with {other}", field=name)
 
     def _check_reachable(self) -> None:
-        longest = float(np.max(self.distances, where=np.isfinite(self.distances), initial=0.0))
+        if self.size > LARGE and self._is_plane:
+            longest = self.longest
+        else:
+            longest = float(np.max(self.distances, where=np.isfinite(self.distances), initial=0.0))
         if not np.isfinite(longest * 4.0 * self.size):
             raise InvalidData(
                 f"distances must be small enough to add up, got {longest:g}",
                 field="points" if self.costs is None else "costs",
             )
+        if self.size > LARGE and self._is_plane:
+            return
         unreachable = np.argwhere(~np.isfinite(self.distances))
         if unreachable.size:
             a, b = (int(x) for x in unreachable[0])
@@ -280,7 +287,40 @@ class FleetData(Model[FleetPlan]):
     @cached_property
     def symmetric(self) -> bool:
         """Whether all distances are the same in both directions."""
-        return bool(np.array_equal(self.distances, self.distances.T))
+        return self._is_plane or bool(np.array_equal(self.distances, self.distances.T))
+
+    @property
+    def _is_plane(self) -> bool:
+        """Whether the distances follow from two points."""
+        return self.costs is None and self.metric is not Metric.GRID
+
+    @cached_property
+    def longest(self) -> float:
+        """Longest distance; for more than :data:`LARGE` points at least as long, from their extent."""
+        if self.size <= LARGE or not self._is_plane:
+            return float(self.distances.max())
+        assert self.points is not None
+        # Rounding of a length adds at most a half.
+        return float(np.ptp(self.points, axis=0).sum()) + 0.5 * (self.metric is Metric.ROUNDED)
+
+    def legs(self, tails: ArrayLike, heads: ArrayLike) -> Floats:
+        """Return the distances from nodes `tails` to nodes `heads`, which broadcast.
+
+        Without :attr:`distances`, which takes memory for n² numbers, they are computed from the points.
+        """
+        if "distances" in self.__dict__ or self.size <= LARGE or not self._is_plane:
+            legs: Floats = self.distances[tails, heads]
+            return legs
+        assert self.points is not None
+        return self._between(self.points[tails], self.points[heads])
+
+    def _between(self, tails: Floats, heads: Floats) -> Floats:
+        """Return the distances between points by the metric."""
+        x, y = np.moveaxis(tails - heads, -1, 0)
+        if self.metric is Metric.PAPER:
+            return np.asarray(np.abs(x) + np.abs(y))
+        lengths: Floats = np.hypot(x, y)
+        return np.floor(lengths + 0.5) if self.metric is Metric.ROUNDED else lengths
 
     @cached_property
     def distances(self) -> Floats:
@@ -296,14 +336,9 @@ class FleetData(Model[FleetPlan]):
         result = np.empty((self.size, self.size))
         step = max(1, BLOCK // self.size)
         for begin in range(0, self.size, step):
-            rows = result[begin : begin + step]
-            x, y = np.moveaxis(self.points[begin : begin + step, None] - self.points, -1, 0)
-            if self.metric is Metric.PAPER:
-                np.add(np.abs(x), np.abs(y), out=rows)
-            else:
-                np.hypot(x, y, out=rows)
-        if self.metric is Metric.ROUNDED:
-            np.floor(np.add(result, 0.5, out=result), out=result)
+            result[begin : begin + step] = self._between(
+                self.points[begin : begin + step, None], self.points
+            )
         return frozen(result)
 
     @cached_property

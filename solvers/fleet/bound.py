@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 from ...models.fleet import FleetRouting, Objective
-from ...models.fleet.data import LEXICOGRAPHIC
+from ...models.fleet.data import LARGE, LEXICOGRAPHIC, Metric
 
 __all__ = ["lower_bound", "spanning_tree", "trip_bound"]
 
@@ -85,12 +85,19 @@ def trip_bound(model: FleetRouting) -> float:
     """
     if model.objective is Objective.RANGE:
         return 0.0
-    distances, homes = model.distances, model.depots
-    trips = _paths(distances[homes].min(axis=0), distances)
-    if model.symmetric:
-        trips *= 2.0
+    if model.size > LARGE and model.costs is None and model.metric is not Metric.GRID:
+        if model.metric is Metric.ROUNDED:
+            return 0.0  # a way through other nodes may be shorter
+        trips = 2.0 * np.min(
+            [model.legs(home, np.arange(model.size)) for home in np.unique(model.depots)], axis=0
+        )
     else:
-        trips += _paths(distances[:, homes].min(axis=1), distances.T)
+        distances = model.distances
+        trips = _paths(distances[model.depots].min(axis=0), distances)
+        if model.symmetric:
+            trips *= 2.0
+        else:
+            trips += _paths(distances[:, model.depots].min(axis=1), distances.T)
     weight = 1.0 + LEXICOGRAPHIC if model.objective is Objective.LEXICOGRAPHIC else 1.0
     return weight * float(trips[model.customers].max()) * (1.0 - SAFE)
 

@@ -11,7 +11,7 @@ from ...models.fleet import Deviation, FleetRouting, Objective
 from .fleet_kernels import Fleet, Routes, measure, workspace
 from .search_kernels import anneal
 
-__all__ = ["CODES", "PENALTY", "Candidate", "scaled"]
+__all__ = ["CODES", "PENALTY", "Candidate", "nearest_of", "rules_of", "scaled"]
 
 Floats = NDArray[np.float64]
 
@@ -32,26 +32,31 @@ CODES = {
 }  # fmt: skip
 
 
-def scaled(model: FleetRouting) -> Fleet:
-    """Return the data of `model` for the kernels."""
-    n, m = model.size, model.vehicles
-    nodes = model.customers
-    unit = float(model.distances.max()) or 1.0
-    distances = np.ascontiguousarray(model.distances / unit)
-    both = distances + distances.T
-    near = np.full((n, max(1, min(NEIGHBOURS, len(nodes) - 1))), -1, np.int64)
+def nearest_of(distances: Floats, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the nearest other `nodes` of each of them, by the way there and back; -1 beyond the last."""
+    near = np.full((len(distances), max(1, min(NEIGHBOURS, len(nodes) - 1))), -1, np.int64)
     for i in nodes:
         others = nodes[nodes != i]
-        order = others[np.argsort(both[i, others], kind="stable")][: near.shape[1]]
+        both = distances[i, others] + distances[others, i]
+        order = others[np.argsort(both, kind="stable")][: near.shape[1]]
         near[i, : order.size] = order
-    none = math.inf
+    return near
+
+
+def rules_of(
+    model: FleetRouting, unit: float, vehicles: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
+    """Return batteries and capacities of `vehicles`, and the rules of :class:`~.fleet_kernels.Fleet`."""
+    m, none = len(vehicles), math.inf
     divisor = m - 1 if model.deviation is Deviation.SAMPLE else m
     # The variance is in squared units.
     scale = unit if model.objective is Objective.VARIANCE else 1.0
     weight = 1e-6 if model.objective is Objective.LEXICOGRAPHIC else model.q * scale
     flat = model.objective in (Objective.MAX, Objective.LEXICOGRAPHIC)
-    # In the order of the kernels.
-    limits = (model.budget, model.deviation_limit, model.range_limit)
+    # In the order of the kernels. Limits over all vehicles do not apply to some of them.
+    limits = [model.budget, model.deviation_limit, model.range_limit]
+    if m < model.vehicles:
+        limits = [None] * 3
     rules = [
         float(CODES[model.objective]), weight, float(divisor), MEAN if flat else 0.0,
         *(none if limit is None else limit / unit for limit in limits), PENALTY, -none,
@@ -59,12 +64,20 @@ def scaled(model: FleetRouting) -> Fleet:
     ]  # fmt: skip
 
     def each(limit: Floats | None, scale: float) -> Floats:
-        return np.full(m, none) if limit is None else np.array(limit) / scale
+        return np.full(m, none) if limit is None else limit[vehicles] / scale
 
+    return np.array([each(model.battery, unit), each(model.capacity, 1.0)]), np.array(rules)
+
+
+def scaled(model: FleetRouting) -> Fleet:
+    """Return the data of `model` for the kernels."""
+    n, nodes = model.size, model.customers
+    unit = float(model.distances.max()) or 1.0
+    distances = np.ascontiguousarray(model.distances / unit)
+    limits, rules = rules_of(model, unit, np.arange(model.vehicles))
     return Fleet(
-        nodes, near, distances, np.concatenate([np.arange(n), model.homes]),
-        np.zeros(n) if model.demands is None else np.array(model.demands),
-        np.array([each(model.battery, unit), each(model.capacity, 1.0)]), np.array(rules),
+        nodes, nearest_of(distances, nodes), distances, np.concatenate([np.arange(n), model.homes]),
+        np.zeros(n) if model.demands is None else np.array(model.demands), limits, rules,
         model.use_all,
     )  # fmt: skip
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...jit import clock
 from ...models.fleet import FleetPlan, FleetRouting
 from ...models.fleet.checks import loads_of, objective_of
+from ...models.fleet.data import LARGE, Metric
 from ..contract.backend import (
     Answer,
     Feature,
@@ -25,9 +26,12 @@ from ..contract.backend import (
 )
 from .bound import lower_bound, trip_bound
 from .candidate import PENALTY, Candidate, scaled
+from .decomposition import SIZE, Parts
 from .giant_tour import GiantTour
 from .rivals import FleetBackend
-from .start import cut_tour, first_plan, repair
+from .fleet_kernels import Fleet
+from .start import ROUNDING, cut_tour, first_plan, first_routes, repair
+from .tree_bound import tree_bound
 
 __all__ = ["FleetSearch"]
 
@@ -48,6 +52,11 @@ ABREAST = 2
 HOT, WARM = 0.02, 0.01
 #: Factor of the penalty for violated limits, up or down, and its maximum.
 STRICTER, STRICTEST = 2.0, 1e4
+#: Largest number of nodes of one tour, whose distances are stored.
+MOST_IN_TOUR = 5000
+#: Parts without improvement after which a search ends, beside three times all parts, and seconds between
+#: two incumbents.
+PARTS, EVERY = 50, 0.5
 #: Relative improvement of the objective required for a new incumbent.
 BETTER = 1e-9
 
@@ -95,6 +104,7 @@ class _Search:
     model: FleetRouting
     request: Request
     pool: list[Candidate] = field(default_factory=list)
+    fleet: Fleet | None = None
     tour: GiantTour | None = None
     best: FleetPlan | None = None
     objective: float = math.inf
@@ -110,15 +120,19 @@ class _Search:
         """Run the search and return its answer."""
         model, request = self.model, self.request
         begin = clock()
-        self.fleet = scaled(model)
-        self.tour = GiantTour.of(model, self.fleet)
         seeds = np.random.SeedSequence(request.seed or 0).spawn(ABREAST)
         self.draws = [np.random.default_rng(seed) for seed in seeds]
-        self.begin()
-        # More threads than concurrent annealings would stay idle.
-        threads = min(ABREAST, request.available_threads)
-        with ThreadPoolExecutor(threads) as pool:
-            self.search(pool)
+        tour = model.preferred_formulation == "two-index" and model.size <= MOST_IN_TOUR
+        if model.size > LARGE and not tour:
+            self.search_parts()
+        else:
+            self.fleet = scaled(model)
+            self.tour = GiantTour.of(model, self.fleet)
+            self.begin()
+            # More threads than concurrent annealings would stay idle.
+            threads = min(ABREAST, request.available_threads)
+            with ThreadPoolExecutor(threads) as pool:
+                self.search(pool)
         limit = request.control.limit or (Limit.TIME if request.left() == 0.0 else None)
         statistics = {"steps": self.steps, "rounds": self.rounds}
         seconds = {"solve": clock() - begin, "bound": self.proving}
@@ -157,6 +171,41 @@ class _Search:
         first = first_plan(model, self.packing, lambda: self.must_stop)
         if first is not None:
             self.keep(*first)
+
+    def search_parts(self) -> None:
+        """Find routes of a large fleet and improve them part by part."""
+        model, request, draw = self.model, self.request, self.draws[0]
+        if request.options["bound"]:
+            self.prove(trip_bound(model))
+        if request.warm_start is not None:
+            routes: list[list[int]] = [list(route) for route in request.warm_start.routes]
+        else:
+            routes = first_routes(model, draw, lambda: self.must_stop) or cut_tour(model)
+        parts = Parts(model, routes, draw)
+        self.keep_if_verified(parts)
+        if request.options["bound"] and not self.within_gap:
+            begin, plane = clock(), model.costs is None and model.metric is not Metric.GRID
+            flag = request.control.flag
+            self.prove(tree_bound(model) if plane else lower_bound(model, flag))
+            self.proving += clock() - begin
+        idle, most = 0, request.options["patience"] * (PARTS + 3 * model.size // SIZE)
+        changed, due = False, clock() + EVERY
+        while idle < most and not (self.must_stop or self.within_gap):
+            better = parts.improve(request.control.flag)
+            changed, idle = changed or better, 0 if better else idle + 1
+            self.rounds += 1
+            if changed and clock() > due:
+                self.keep_if_verified(parts)
+                changed, due = False, clock() + EVERY
+        self.keep_if_verified(parts)
+        self.steps = parts.steps
+
+    def keep_if_verified(self, parts: Parts) -> None:
+        """Make the routes of `parts` the incumbent if they keep all limits and are better."""
+        plan = parts.plan
+        checked = self.model.verify(plan, tolerance=ROUNDING)
+        if checked.ok and checked.objective is not None:
+            self.keep(plan, checked.objective)
 
     def search(self, threads: ThreadPoolExecutor) -> None:
         """Anneal in rounds: each generation starts from scratch, then recombines its pool."""
@@ -201,6 +250,8 @@ class _Search:
         control = self.request.control
         control.prove(bound)
         self.bound = max(bound, self.bound or 0.0)
+        if self.fleet is None:
+            return
         unit = float(self.model.distances.max()) or 1.0
         self.fleet.rules[8] = self.bound / (1.0 - min(self.request.gap, 0.5)) / unit
 
