@@ -54,9 +54,8 @@ HOT, WARM = 0.02, 0.01
 STRICTER, STRICTEST = 2.0, 1e4
 #: Largest number of nodes of one tour, whose distances are stored.
 MOST_IN_TOUR = 5000
-#: Parts without improvement after which a search ends, beside three times all parts, and seconds between
-#: two incumbents.
-PARTS, EVERY = 50, 0.5
+#: Parts without improvement after which a search ends, beside three times all parts.
+PARTS = 50
 #: Relative improvement of the objective required for a new incumbent.
 BETTER = 1e-9
 
@@ -189,15 +188,12 @@ class _Search:
             self.prove(tree_bound(model) if plane else lower_bound(model, flag))
             self.proving += clock() - begin
         idle, most = 0, request.options["patience"] * (PARTS + 3 * model.size // SIZE)
-        changed, due = False, clock() + EVERY
         while idle < most and not (self.must_stop or self.within_gap):
             better = parts.improve(request.control.flag)
-            changed, idle = changed or better, 0 if better else idle + 1
+            idle = 0 if better else idle + 1
             self.rounds += 1
-            if changed and clock() > due:
+            if better and parts.objective < self.objective:
                 self.keep_if_verified(parts)
-                changed, due = False, clock() + EVERY
-        self.keep_if_verified(parts)
         self.steps = parts.steps
 
     def keep_if_verified(self, parts: Parts) -> None:
