@@ -308,11 +308,12 @@ class FleetData(Model[FleetPlan]):
 
         Without :attr:`distances`, which takes memory for n² numbers, they are computed from the points.
         """
+        first, second = np.asarray(tails, np.int64), np.asarray(heads, np.int64)
         if "distances" in self.__dict__ or self.size <= LARGE or not self._is_plane:
-            legs: Floats = self.distances[tails, heads]
+            legs: Floats = self.distances[first, second]
             return legs
         assert self.points is not None
-        return self._between(self.points[tails], self.points[heads])
+        return self._between(self.points[first], self.points[second])
 
     def _between(self, tails: Floats, heads: Floats) -> Floats:
         """Return the distances between points by the metric."""

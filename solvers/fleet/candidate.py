@@ -135,7 +135,8 @@ class Candidate:
         single = self.fleet.rules[0] in (1, 3, 4)  # the objective depends on single routes
         edges = 1 + len(self.fleet.nodes) / m if single else m + len(self.fleet.nodes)
         hot, cold = min(hot, HOT_EDGES / edges), min(COLD, COLD_EDGES / edges)
-        now, top = (Routes(*(entry.copy() for entry in self.routes)) for _ in range(2))
+        links, values = self.routes
+        now, top = (Routes(links.copy(), values.copy()) for _ in range(2))
         work = workspace(self.routes)
         done, _, _ = anneal(self.fleet, self.routes, now, top, work, hot, cold, steps, flag, draw)
         self._measure()

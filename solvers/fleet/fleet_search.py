@@ -103,7 +103,8 @@ class _Search:
     model: FleetRouting
     request: Request
     pool: list[Candidate] = field(default_factory=list)
-    fleet: Fleet | None = None
+    fleet: Fleet = field(init=False)
+    in_parts: bool = False
     tour: GiantTour | None = None
     best: FleetPlan | None = None
     objective: float = math.inf
@@ -122,7 +123,8 @@ class _Search:
         seeds = np.random.SeedSequence(request.seed or 0).spawn(ABREAST)
         self.draws = [np.random.default_rng(seed) for seed in seeds]
         tour = model.preferred_formulation == "two-index" and model.size <= MOST_IN_TOUR
-        if model.size > LARGE and not tour:
+        self.in_parts = model.size > LARGE and not tour
+        if self.in_parts:
             self.search_parts()
         else:
             self.fleet = scaled(model)
@@ -246,7 +248,7 @@ class _Search:
         control = self.request.control
         control.prove(bound)
         self.bound = max(bound, self.bound or 0.0)
-        if self.fleet is None:
+        if self.in_parts:
             return
         unit = float(self.model.distances.max()) or 1.0
         self.fleet.rules[8] = self.bound / (1.0 - min(self.request.gap, 0.5)) / unit

@@ -153,18 +153,18 @@ def _vehicle(work: Work, m: int, which: int, all_idle: bool, draw: Any) -> int:
     """Return a vehicle whose route may be far away: the shortest, a random one, or an idle one."""
     idle = int(work.sums[RESTING])
     if all_idle:
-        return work.lists[IDLE, which if idle <= FEW else _pick(draw, idle)]
+        return int(work.lists[IDLE, which if idle <= FEW else _pick(draw, idle)])
     if m <= FEW:
         return which
     if which == 0:
-        i, half = 1, work.trees.shape[1] // 2
+        i, half = 1, int(work.trees.shape[1] // 2)
         while i < half:
             i *= 2
             i += 1 if work.trees[1, i] > work.trees[1, i + 1] else 0
         return i - half
     if which <= OTHERS or not idle:
         return _pick(draw, m)
-    return work.lists[IDLE, _pick(draw, idle)]
+    return int(work.lists[IDLE, _pick(draw, idle)])
 
 
 @kernel
