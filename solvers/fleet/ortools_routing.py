@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
-import numpy as np
-
-from ...models.fleet import FleetRouting, Objective
-from ...models.fleet.features import FEATURES
+from ...models.fleet import FleetRouting
 from ..contract.backend import Feature, Option, Request
 from ..programs.highs_library import ORTOOLS_MARKS
-from .ortools_data import Rich
+from .ortools_data import Posed
 from .rivals import Best, FleetHeuristic
-from .whole import whole_demands, whole_distances
+from .whole import COMMON
 
 __all__ = ["OrToolsRouting"]
 
-#: Whole number that represents the longest distance or the total demand.
-LARGEST = 10**7
 #: Largest number of nodes, as the distances are passed as Python integers.
 MOST = 3000
-#: Weight of the longest route relative to the sum.
-SPAN = 100
 #: Time after the deadline at which the library ends the search itself, s.
 GRACE = 0.1
 
@@ -49,7 +42,7 @@ class OrToolsRouting(FleetHeuristic):
     # OR-Tools loads its bundled libhighs.so.1: see MathOpt.
     conflict_group = "highs"
     natives = ORTOOLS_MARKS
-    rich = frozenset(FEATURES)
+    rich = COMMON | {"stations", "makespan"}
     options: ClassVar[Mapping[str, Option]] = {
         "seconds": Option(10.0, "Search time without a time limit, s.", lower=0.01),
         "solutions": Option(None, "Number of solutions after which the search ends.", int, lower=1),
@@ -91,15 +84,11 @@ def _solve(best: Best, request: Request, *, used: bool, solution_limit: int | No
     from ortools.constraint_solver import pywrapcp, routing_enums_pb2
 
     problem, vehicles = best.problem, best.problem.vehicles
-    rich = Rich(problem) if problem.is_rich else None
-    places = rich.places if rich else list(range(problem.size))
-    homes, ends = (rich.homes, rich.ends) if rich else [problem.homes.tolist()] * 2
-    manager = pywrapcp.RoutingIndexManager(len(places), vehicles, homes, ends)
+    posed = Posed(problem)
+    places = posed.places
+    manager = pywrapcp.RoutingIndexManager(len(places), vehicles, posed.homes, posed.ends)
     routing = pywrapcp.RoutingModel(manager)
-    if rich:
-        rich.declare(routing, manager)
-    else:
-        _declare(routing, problem)
+    posed.declare(routing, manager)
     starts = [routing.Start(k) for k in range(vehicles)]
     solutions = 0
 
@@ -135,9 +124,7 @@ def _solve(best: Best, request: Request, *, used: bool, solution_limit: int | No
         for k, first in enumerate(starts):
             routing.NextVar(first).RemoveValue(routing.End(k))
         routing.CloseModelWithParameters(parameters)
-        routes: Sequence[Sequence[int]] | None = best.plan.routes if best.plan is not None else None
-        if rich and routes is not None:
-            routes = rich.places_of(routes)
+        routes = None if best.plan is None else posed.places_of(best.plan.routes)
         if routes is not None:
             indices = [[manager.NodeToIndex(place) for place in route] for route in routes]
             start = routing.ReadAssignmentFromRoutes(indices, True)
@@ -146,24 +133,3 @@ def _solve(best: Best, request: Request, *, used: bool, solution_limit: int | No
     else:
         routing.SolveFromAssignmentWithParameters(start, parameters)
     return solutions
-
-
-def _declare(routing: Any, problem: FleetRouting) -> None:
-    """Add costs, capacities and batteries to the routing model."""
-    distances, scale = whole_distances(problem, LARGEST)
-    arc, span = 1, 0 if problem.objective is Objective.SUM else SPAN
-    if problem.objective in (Objective.VARIANCE, Objective.DEVIATION):
-        arc, span = SPAN, round(min(SPAN * problem.q, 1e6))
-    lengths = routing.RegisterTransitMatrix(distances.tolist())
-    costs = lengths if arc == 1 else routing.RegisterTransitMatrix((arc * distances).tolist())
-    routing.SetArcCostEvaluatorOfAllVehicles(costs)
-    largest = int(distances.max()) * (problem.size + 1)
-    longest = [largest] * problem.vehicles
-    if problem.battery is not None:
-        longest = np.floor(np.minimum(problem.battery * scale, largest)).astype(int).tolist()
-    routing.AddDimensionWithVehicleCapacity(lengths, 0, longest, True, "length")
-    routing.GetDimensionOrDie("length").SetGlobalSpanCostCoefficient(span)
-    if problem.capacity is not None:
-        demands, capacity = whole_demands(problem, LARGEST)
-        demand = routing.RegisterUnaryTransitVector(demands)
-        routing.AddDimensionWithVehicleCapacity(demand, 0, capacity, True, "demand")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,16 +12,14 @@ from numpy.typing import NDArray
 from ...models.fleet import FleetRouting
 from .whole import (
     FOREVER,
-    Scales,
     costs_of,
     is_fetched,
     list_backhauls,
     round_down,
     round_up,
     scales_of,
-    whole_demands,
-    whole_distances,
     whole_loads,
+    whole_shift,
     whole_spans,
 )
 
@@ -32,9 +28,9 @@ __all__ = ["Found", "Posed", "Unreachable"]
 Ints = NDArray[np.int64]
 Routes = list[list[int]]
 
-#: Whole number that represents the longest distance of a plain fleet, or the total demand.
+#: Whole number that represents the sum of all loads.
 LARGEST = 10**7
-#: Minimum mean demand, so that no shorter route pays for an overload.
+#: Minimum mean load, so that no shorter route pays for an overload.
 DEAR = 2000
 #: Length of a forbidden arc.
 BARRED = 2**32
@@ -55,179 +51,119 @@ class Found(NamedTuple):
     activities: list[tuple[int, list[Any]]]
 
 
-class Kind(NamedTuple):
-    """Data of a vehicle, equal for all vehicles of one of PyVRP's vehicle types."""
-
-    home: int
-    end: int
-    capacity: tuple[int, ...]
-    battery: float
-    per_metre: float
-    rate: int
-    fixed: int
-    begin: int
-    late: int
-    duration: int
-    speed: float
-    skills: frozenset[str] | None
-    reloads: int
-
-
-@dataclass
 class Posed:
     """PyVRP's model of a fleet. Node i is location i; further locations follow.
 
     If `forced`, each vehicle must first visit a copy of its depot. A copy is an additional client with an
     additional load type; a vehicle has capacity for one. Arcs lead from it to nodes only. Reloads have
-    their own locations; their duration is part of the travel time to them, as PyVRP starts a trip after
-    the releases of its nodes and then serves the depot. An open route ends at a location at distance 0.
-    A client has one window: nodes with several are groups of clients that exclude each other. Skills and
-    backhauls are profiles with forbidden arcs.
+    their own locations; their duration is part of the travel time to them, as PyVRP starts the service
+    of a depot after the releases. An open route ends at the last location, at distance 0. A client has
+    one window: nodes with several are groups of clients that exclude each other. Skills and backhauls
+    are profiles with forbidden arcs, and distances include the cost per metre.
     """
 
-    model: FleetRouting
-    forced: bool
-    kinds: list[Kind] = field(init=False)
-    members: list[list[int]] = field(init=False)
-    #: Node of each client, -1 for a copy of a depot; node of each depot; pair of each shipment.
-    nodes: list[int] = field(init=False, default_factory=list)
-    stops: list[int] = field(init=False, default_factory=list)
-    pairs: list[list[int]] = field(init=False, default_factory=list)
-
-    def __post_init__(self) -> None:
-        model = self.model
-        if not model.is_rich:
-            self.distances, length = whole_distances(model, LARGEST)
-            self.scales = Scales(length, 1.0, length, 0.0, (0,) * model.vehicles)
-            demands: Any = np.zeros((model.size, 0), int)
-            capacity: Any = np.zeros((model.vehicles, 0), int)
-            if model.capacity is not None:
-                demands, capacity = (
-                    np.array(rows)[:, None] for rows in whole_demands(model, LARGEST)
-                )
-            self.loads = demands, np.zeros_like(demands), demands[:0], capacity
-        else:
-            self.scales = scales_of(model)
-            self.distances = round_up(model.distances, self.scales.length)
-            self.loads = whole_loads(model, LARGEST)
-        # PyVRP's penalty per unit of overload is at most 1e5, so demands must be large numbers.
-        total = np.max([rows.sum(axis=0) for rows in self.loads[:3]], axis=0)
-        factor = np.maximum(1, np.rint(DEAR * len(model.customers) / np.maximum(total, 1))).astype(
-            int
+    def __init__(self, model: FleetRouting, forced: bool) -> None:
+        self.model, self.forced = model, forced
+        self.scales = scales_of(model)
+        self.distances = round_up(model.distances, self.scales.length)
+        loads = whole_loads(model, LARGEST)
+        # PyVRP's penalty per unit of overload is limited, so loads must be large numbers.
+        total = np.max([rows.sum(axis=0) for rows in loads[:3]], axis=0)
+        factor = np.maximum(1, np.rint(DEAR * len(model.customers) / np.maximum(total, 1)))
+        self.deliveries, self.pickups, self.amounts, self.capacity = (
+            (rows * factor.astype(int)).tolist() for rows in loads
         )
-        self.loads = tuple(rows * factor for rows in self.loads)
-        kinds: dict[Kind, list[int]] = {}
-        for k in range(model.vehicles):
-            kinds.setdefault(self._kind(k), []).append(k)
-        self.kinds, self.members = list(kinds), list(kinds.values())
-        self.homes = sorted({kind.home for kind in self.kinds})
         self.fetched = is_fetched(model)
+        self.per_metre, _ = costs_of(model)
+        self.homes = np.unique(model.homes).tolist()
+        self.is_open = bool((model.finishes < 0).any())
+        copies, reloads = self.homes if forced else [], list(model.reloads or ())
+        #: Node of each location; that of the end of open routes is arbitrary.
+        self.places = np.array([*range(model.size), *copies, *reloads, *[0] * self.is_open])
+        self.copies = list(enumerate(copies, model.size))
+        self.reloads = list(enumerate(reloads, model.size + len(copies)))
+        skills = [
+            None if model.skills is None else frozenset(names)
+            for names in model.skills or [()] * model.vehicles
+        ]
+        keys = list(zip(self.per_metre.tolist(), model.speeds.tolist(), skills, strict=True))
+        self.profiles = list(dict.fromkeys(keys))
+        self.profile_of = [self.profiles.index(key) for key in keys]
 
-    def _kind(self, k: int) -> Kind:
-        """Return the data of vehicle `k` in whole numbers."""
-        model, scales = self.model, self.scales
-        per_metre, _ = costs_of(model)
-        battery, fixed = model.battery, model.fixed_cost
-        begin, late = (0.0, math.inf) if model.shifts is None else model.shifts[k].tolist()
-        early, last = scales.moment(begin, True), scales.moment(late, False)
-        longest = math.inf if model.max_duration is None else model.max_duration[k]
-        reloads = FOREVER if model.max_reloads is None else int(model.max_reloads[k])
-        return Kind(
-            home=int(model.homes[k]),
-            end=int(model.finishes[k]),
-            capacity=tuple(self.loads[3][k].tolist()),
-            battery=math.inf if battery is None else float(battery[k]),
-            per_metre=float(per_metre[k]),
-            rate=scales.rates[k],
-            fixed=0 if fixed is None else round(float(fixed[k]) * scales.cost),
-            begin=early if model.has_times else 0,
-            late=max(early, last) if model.has_times else FOREVER,
-            duration=int(round_down(longest, scales.time)),
-            speed=float(model.speeds[k]),
-            skills=None if model.skills is None else frozenset(model.skills[k]),
-            reloads=reloads if model.reloads else 0,
-        )
-
-    @cached_property
+    @property
     def penalty(self) -> float:
         """Maximum penalty of a unit of overload, lateness or length."""
-        per_metre, _ = costs_of(self.model)
-        dear = float(per_metre.max()) * float(self.model.distances.max()) * self.scales.cost
+        dear = float(self.per_metre.max()) * float(self.model.distances.max()) * self.scales.cost
         return PENALTY * min(max(dear / max(int(self.distances.max()), 1), 1.0), FACTOR)
 
     def longest(self, found: Found) -> int:
         """Return the length of the longest route, in whole-number units."""
         lengths = [0]
-        for home, end, route in zip(
-            self.model.homes, self.model.finishes, found.routes, strict=True
-        ):
+        for k, route in enumerate(found.routes):
             if route:
-                stops = [home, *route, *([end] if end >= 0 else [])]
+                end = int(self.model.finishes[k])
+                stops = [int(self.model.homes[k]), *route, *([end] if end >= 0 else [])]
                 lengths.append(int(self.distances[stops[:-1], stops[1:]].sum()))
         return max(lengths)
 
     def data(self, limit: float) -> Any:
-        """Return PyVRP's data, with routes of length at most `limit` in whole-number units."""
-        from pyvrp import Location, ProblemData
+        """Return PyVRP's data, with routes of length at most `limit` in whole-number units.
 
-        self.nodes, self.stops, self.pairs = [], [], []
-        places = self._places
+        Raises
+        ------
+        Unreachable
+            A node that must be visited cannot be visited in time.
+        """
+        from pyvrp import Location, ProblemData, VehicleType
+
+        #: Node of each client, -1 for a copy of a depot; node of each depot; pair of each shipment.
+        self.nodes: list[int] = []
+        self.stops: list[int] = []
+        self.pairs: list[list[int]] = []
         distances, durations = self._matrices()
         clients, groups = self._clients()
         depots, at = self._depots()
+        kinds: dict[tuple[Any, ...], list[int]] = {}
+        for k in range(self.model.vehicles):
+            kinds.setdefault(self._vehicle(k, at), []).append(k)
+        self.members = list(kinds.values())
+        # The limit does not change the kinds, because a start refers to them.
+        most = ANYTHING if math.isinf(limit) else int(limit)
+        types = [
+            VehicleType(len(members), *kind[:7], min(kind[7], most), *kind[8:])
+            for kind, members in kinds.items()
+        ]
         return ProblemData(
-            [Location(0, 0) for _ in places], clients, depots, list(self._types(at, limit)),
-            distances, durations, groups, list(self._shipments()),
+            [Location(0, 0) for _ in self.places], clients, depots, types, distances, durations,
+            groups, list(self._shipments()),
         )  # fmt: skip
-
-    @cached_property
-    def _places(self) -> Ints:
-        """Node of each location; that of the end of open routes is arbitrary."""
-        copies = self.homes if self.forced else []
-        is_open = [0] * any(kind.end < 0 for kind in self.kinds)
-        nodes = [*range(self.model.size), *copies, *(self.model.reloads or ()), *is_open]
-        return np.array(nodes, np.int64)
-
-    @cached_property
-    def _first_reload(self) -> int:
-        return self.model.size + len(self.homes) * self.forced
-
-    @cached_property
-    def _profiles(self) -> list[tuple[float, float, frozenset[str] | None]]:
-        """Cost per metre, speed and skills of each profile."""
-        return list(dict.fromkeys(map(_profile, self.kinds)))
 
     def _matrices(self) -> tuple[list[Ints], list[Ints]]:
         """Return the distances, in units of cost if they have one, and the durations of each profile."""
-        model, places, scales = self.model, self._places, self.scales
-        count, first = len(places), self._first_reload
-        spread = np.ix_(places, places)
+        model, count = self.model, len(self.places)
+        spread = np.ix_(self.places, self.places)
         barred = np.zeros((count, count), bool)
-        if self.forced:
-            copies = np.arange(model.size, first)
-            barred[:, copies] = True
-            barred[copies] = True
-            barred[self.homes, copies] = False
-            barred[np.ix_(copies, model.customers)] = False
+        copies = [place for place, _ in self.copies]
+        barred[:, copies] = True
+        barred[copies] = True
+        barred[np.ix_(copies, model.customers)] = False
+        for place, home in self.copies:
+            barred[home, place] = False
+        if self.is_open:
+            barred[-1] = True
         if model.backhauls:
-            first_ones, last_ones = list_backhauls(model)
-            sources = [
-                *self.homes,
-                *range(model.size, first),
-                *range(first, first + len(model.reloads or ())),
-            ]
-            barred[np.ix_(sources, last_ones)] = True
-            barred[np.ix_(last_ones, first_ones)] = True
+            first, last = list_backhauls(model)
+            barred[np.ix_([*self.homes, *copies, *(place for place, _ in self.reloads)], last)] = (
+                True
+            )
+            barred[np.ix_(last, first)] = True
         distances, durations = [], []
         times: dict[float, Ints] = {}
-        for per_metre, speed, skills in self._profiles:
+        for per_metre, speed, skills in self.profiles:
             lengths = self.distances
-            if model.is_rich and per_metre > 0.0:
-                lengths = round_up(model.distances, per_metre * scales.cost)
-            matrix = lengths[spread]
-            for row, home in enumerate(self.homes if self.forced else (), model.size):
-                matrix[home, row] = 0
-            self._open(matrix)
+            if per_metre > 0.0:
+                lengths = round_up(model.distances, per_metre * self.scales.cost)
+            matrix = self._from_home(lengths[spread])
             matrix[barred] = BARRED
             for node in self._lacking(skills):
                 matrix[node, :] = matrix[:, node] = BARRED
@@ -238,85 +174,74 @@ class Posed:
             durations.append(times[speed])
         return distances, durations
 
+    def _from_home(self, matrix: Ints) -> Ints:
+        """Return `matrix` with 0 from each home to its copy, and to the end of open routes."""
+        for place, home in self.copies:
+            matrix[home, place] = 0
+        if self.is_open:
+            matrix[:, -1] = 0
+        return matrix
+
     def _lacking(self, skills: frozenset[str] | None) -> list[int]:
         """Return the nodes that vehicles with `skills` must not visit."""
-        if self.model.requires is None or skills is None:
-            return []
+        known = skills or frozenset()
         return [
-            node for node, names in enumerate(self.model.requires) if not skills.issuperset(names)
+            node
+            for node, names in enumerate(self.model.requires or ())
+            if not known.issuperset(names)
         ]
 
     def _durations(self, speed: float) -> Ints:
-        model, places = self.model, self._places
-        if not model.has_times:
-            return np.zeros((len(places),) * 2, np.int64)
-        matrix = round_up(model.base_times / speed, self.scales.time)[np.ix_(places, places)]
-        for row, home in enumerate(self.homes if self.forced else (), model.size):
-            matrix[home, row] = 0
-        for column, node in enumerate(model.reloads or (), self._first_reload):
-            matrix[:, column] += self._service(node)
-        self._open(matrix)
+        if not self.model.has_times:
+            return np.zeros((len(self.places),) * 2, np.int64)
+        whole = round_up(self.model.base_times / speed, self.scales.time)
+        matrix = whole[np.ix_(self.places, self.places)]
+        for place, node in self.reloads:
+            matrix[:, place] += self._service(node)
+        matrix = self._from_home(matrix)
         np.fill_diagonal(matrix, 0)
         return matrix
-
-    def _open(self, matrix: Ints) -> None:
-        """Make the last location the end of open routes, if there are any."""
-        if any(kind.end < 0 for kind in self.kinds):
-            matrix[-1], matrix[:, -1] = BARRED, 0
 
     def _service(self, node: int) -> int:
         service = self.model.service
         return 0 if service is None else int(round_up(service[node], self.scales.time))
 
-    def _release(self, node: int) -> int:
-        releases = self.model.releases
-        return 0 if releases is None else max(0, self.scales.moment(releases[node], True))
-
-    def _prize(self, node: int) -> int:
-        optional = self.model.prizes is not None and self.model.optional[node]
-        return round(float(self.model.prizes[node]) * self.scales.cost) if optional else 0
-
     def _clients(self) -> tuple[list[Any], list[Any]]:
         """Return the clients, and the groups of which at most one is visited."""
         from pyvrp import Client, ClientGroup
 
-        model = self.model
-        of = {node: group for group in model.groups or () for node in group}
+        model, scales = self.model, self.scales
         clients: list[Any] = []
         groups: list[Any] = []
         extra = [0] * self.forced
-        visited: set[int] = set()
-        for node in model.customers.tolist():
-            if node in visited or self.fetched[node]:
-                continue
-            group = of.get(node, (node,))
-            visited.update(group)
-            required = not model.optional[node]
+        alone = set(model.customers[~self.fetched[model.customers]].tolist())
+        alone.difference_update(*(model.groups or ()))
+        for group in [*(model.groups or ()), *((node,) for node in sorted(alone))]:
+            required = not model.optional[group[0]]
             choices = [
-                (other, release, window)
-                for other in group
-                for release in [self._release(other)]
-                for window in whole_spans(model, other, self.scales)
+                (node, release, window)
+                for node in group
+                for release in [scales.release(model, node)]
+                for window in whole_spans(model, node, scales)
                 if release <= window[1]
             ]
             if required and not choices:
-                raise Unreachable(node)
+                raise Unreachable(group[0])
             several = len(choices) > 1
             if several:
-                first = len(clients)
-                groups.append(ClientGroup(list(range(first, first + len(choices))), required))
-            for other, release, (early, late) in choices:
+                own = range(len(clients), len(clients) + len(choices))
+                groups.append(ClientGroup(list(own), required))
+            for node, release, (early, late) in choices:
                 clients.append(
                     Client(
-                        other, [*self.loads[0][other].tolist(), *extra], [*self.loads[1][other].tolist(), *extra],
-                        self._service(other), early, _late(late), release, self._prize(other),
+                        node, self.deliveries[node] + extra, self.pickups[node] + extra,
+                        self._service(node), early, _late(late), release, scales.prize(model, node),
                         required and not several, len(groups) - 1 if several else None,
                     )
                 )  # fmt: skip
-                self.nodes.append(other)
-        for home in model.homes.tolist() if self.forced else ():
-            nothing = [0] * self.loads[0].shape[1]
-            clients.append(Client(model.size + self.homes.index(home), [*nothing, DEAR]))
+                self.nodes.append(node)
+        for place in (place for home in model.homes for place, node in self.copies if node == home):
+            clients.append(Client(place, [*[0] * len(self.capacity[0]), DEAR]))
             self.nodes.append(-1)
         return clients, groups
 
@@ -325,62 +250,61 @@ class Posed:
         from pyvrp import Shipment
 
         model = self.model
-        for row, pair in enumerate([] if model.pairs is None else model.pairs.tolist()):
-            windows = [whole_spans(model, node, self.scales)[0] for node in pair]
-            required = bool((~model.optional[pair]).any())
-            if windows[1][1] < windows[0][0]:
-                if required:
-                    raise Unreachable(pair[1])
-                continue
-            self.pairs.append(pair)
-            yield Shipment(
-                *pair, windows[0][0], _late(windows[0][1]), self._service(pair[0]),
-                windows[1][0], _late(windows[1][1]), self._service(pair[1]),
-                [*self.loads[2][row].tolist(), *[0] * self.forced], sum(map(self._prize, pair)),
-                required,
-            )  # fmt: skip
+        for pair, amount in zip(
+            [] if model.pairs is None else model.pairs.tolist(), self.amounts, strict=True
+        ):
+            (early, late), (begin, end) = (
+                whole_spans(model, node, self.scales)[0] for node in pair
+            )
+            required = not model.optional[pair].all()
+            if end < early and required:
+                raise Unreachable(pair[1])
+            if end >= early:
+                self.pairs.append(pair)
+                yield Shipment(
+                    *pair, early, _late(late), self._service(pair[0]),
+                    begin, _late(end), self._service(pair[1]), amount + [0] * self.forced,
+                    sum(self.scales.prize(model, node) for node in pair), required,
+                )  # fmt: skip
 
     def _depots(self) -> tuple[list[Any], dict[int, int]]:
-        """Return the depots, reloads last, and the depot at the location of each start or end."""
+        """Return the depots, reloads last, and the depot of each node at which routes start or end."""
         from pyvrp import Depot
 
         model, depots, at = self.model, [], {}
-        for node in sorted({node for kind in self.kinds for node in (kind.home, kind.end)}):
-            place = node if node >= 0 else len(self._places) - 1
+        for node in np.union1d(model.homes, model.finishes).tolist():
             at[node] = len(depots)
-            early, late = whole_spans(model, node, self.scales)[0] if node >= 0 else (0, FOREVER)
-            depots.append(Depot(place, early, _late(late)))
+            early, late = whole_spans(model, node, self.scales)[0]
+            depots.append(Depot(node if node >= 0 else len(self.places) - 1, early, _late(late)))
             self.stops.append(node)
-        for place, node in enumerate(model.reloads or (), self._first_reload):
+        for place, node in self.reloads:
             service = self._service(node)
             for early, late in whole_spans(model, node, self.scales):
                 depots.append(Depot(place, early + service, _late(late + service)))
                 self.stops.append(node)
         return depots, at
 
-    def _types(self, at: dict[int, int], limit: float) -> Iterator[Any]:
-        """Yield a vehicle type for each kind of vehicles."""
-        from pyvrp import VehicleType
-
-        reloads = list(range(len(at), len(self.stops)))
-        is_barred = [
-            bool(self._lacking(kind.skills)) or self.model.backhauls for kind in self.kinds
-        ]
-        for kind, members, barred in zip(self.kinds, self.members, is_barred, strict=True):
-            scale = kind.per_metre * self.scales.cost or self.scales.length
-            longest = limit
-            if not math.isinf(kind.battery):
-                longest = min(longest, math.floor(kind.battery * scale * (1 + 1e-12)))
-            if barred:
-                longest = min(longest, BARRED - 1)
-            late, duration = _late(kind.late), _late(kind.duration)
-            yield VehicleType(
-                len(members), [*kind.capacity, *[DEAR] * self.forced], at[kind.home], at[kind.end],
-                kind.fixed, kind.begin, late, duration,
-                ANYTHING if math.isinf(longest) else int(longest),
-                1 if kind.per_metre else 0, kind.rate, self._profiles.index(_profile(kind)),
-                reload_depots=reloads if kind.reloads else [], max_reloads=kind.reloads,
-            )  # fmt: skip
+    def _vehicle(self, k: int, at: dict[int, int]) -> tuple[Any, ...]:
+        """Return the arguments of the vehicle type of vehicle `k`, but for their number."""
+        model, scales = self.model, self.scales
+        per_metre = float(self.per_metre[k])
+        longest = ANYTHING
+        if model.battery is not None:
+            scale = per_metre * scales.cost or scales.length
+            longest = min(longest, int(round_down(model.battery[k], scale)))
+        if model.backhauls or self._lacking(self.profiles[self.profile_of[k]][2]):
+            longest = min(longest, BARRED - 1)
+        duration = math.inf if model.max_duration is None else model.max_duration[k]
+        most = FOREVER if model.max_reloads is None else int(model.max_reloads[k])
+        early, late = whole_shift(model, k, scales)
+        reloads = range(len(at), len(self.stops)) if most else ()
+        return (
+            (*self.capacity[k], *[DEAR] * self.forced), at[int(model.homes[k])],
+            at[int(model.finishes[k])], scales.fixed(model, k), early, _late(late),
+            _late(int(round_down(duration, scales.time))),
+            longest, int(per_metre > 0.0),
+            scales.rates[k], self.profile_of[k], None, (), tuple(reloads), most,
+        )  # fmt: skip
 
     def read(self, solution: Any) -> Found:
         """Return the routes of `solution`."""
@@ -391,23 +315,17 @@ class Posed:
         activities = []
         for route in solution.routes():
             kind = route.vehicle_type()
-            # Copies, because PyVRP's own objects end with the solution.
-            inner = [Activity(stop.type, stop.idx) for stop in list(route)[1:-1]]
+            # Copies at once, because PyVRP's own objects end with the iteration.
+            inner = [Activity(stop.type, stop.idx) for stop in route][1:-1]
             activities.append((kind, inner))
             nodes = []
             for stop in inner:
-                if stop.is_client():
-                    nodes.append(self.nodes[stop.idx])
-                elif stop.is_depot():
-                    nodes.append(self.stops[stop.idx])
-                else:
+                if stop.is_shipment():
                     nodes.append(self.pairs[stop.idx][stop.is_delivery()])
+                else:
+                    nodes.append((self.nodes if stop.is_client() else self.stops)[stop.idx])
             routes[next(free[kind])] = [node for node in nodes if node >= 0]
         return Found(routes, activities)
-
-
-def _profile(kind: Kind) -> tuple[float, float, frozenset[str] | None]:
-    return kind.per_metre, kind.speed, kind.skills
 
 
 def _late(moment: int) -> int:

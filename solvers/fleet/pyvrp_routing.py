@@ -8,11 +8,10 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 from ...models.fleet import FleetRouting, Objective
-from ...models.fleet.features import FEATURES
 from ..contract.backend import Option, Request
 from .pyvrp_data import Found, Posed, Unreachable
 from .rivals import Best, FleetHeuristic
-from .whole import is_fetched
+from .whole import COMMON, is_fetched
 
 __all__ = ["PyVrpRouting"]
 
@@ -33,7 +32,7 @@ class PyVrpRouting(FleetHeuristic):
     For the longest route, an empty vehicle receives the node that is cheapest to move. Limits on the sum,
     the deviation and the range are checked but do not guide the search. Data of rich fleets is rounded to
     whole numbers such that every plan that PyVRP calls feasible is feasible, except that a window shorter
-    than a unit becomes that unit; the length of a unit is at most 2^-20 of the longest arc. The times of
+    than a unit becomes that unit; a unit is at most 2^-20 of the longest arc. The times of
     the plan are those of the model's own schedule. A stop request takes effect after the first local
     search, which takes seconds for thousands of nodes.
     """
@@ -42,7 +41,7 @@ class PyVrpRouting(FleetHeuristic):
     single_threaded = True
     requires = ("pyvrp",)
     extra = "routing"
-    rich = frozenset(FEATURES) - {"stations", "makespan"}
+    rich = COMMON
     options: ClassVar[Mapping[str, Option]] = {
         "patience": Option(
             200,

@@ -11,16 +11,24 @@ from numpy.typing import ArrayLike, NDArray
 from ...models.fleet import FleetRouting
 
 __all__ = [
-    "FOREVER", "Scales", "costs_of", "is_fetched", "list_backhauls", "round_down", "round_up",
-    "scales_of", "whole_demands", "whole_distances", "whole_loads", "whole_spans",
+    "COMMON", "FOREVER", "Scales", "costs_of", "is_fetched", "list_backhauls", "round_down", "round_up",
+    "scales_of", "whole_loads", "whole_shift", "whole_spans",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Rich features of both adapters.
+COMMON = frozenset(
+    {
+        "times", "speed", "service", "windows", "releases", "dimensions", "pickups", "backhauls", "pairs",
+        "fixed_cost", "distance_cost", "time_cost", "shifts", "max_duration", "ends", "requires",
+        "skills", "prizes", "groups", "reloads", "max_reloads", "cost",
+    }
+)  # fmt: skip
 #: Whole number from which on a time counts as infinite.
 FOREVER = 2**42
-#: Whole number up to which the longest arc of a rich fleet is scaled, in length, time and cost.
+#: Whole number up to which the longest arc of a fleet is scaled, in length, time and cost.
 ARC = 2**21
 #: Largest whole number for the cost of one arc, and for a fixed cost or the sum of all prizes.
 MOST_ARC, MOST_COST = 2**36, 2**48
@@ -65,28 +73,29 @@ class Scales:
         """Return the whole number of a time in seconds, rounded up or down."""
         return int((round_up if up else round_down)(time - self.origin, self.time))
 
+    def release(self, model: FleetRouting, node: int) -> int:
+        """Return the release of `node`."""
+        return 0 if model.releases is None else self.moment(float(model.releases[node]), True)
+
+    def prize(self, model: FleetRouting, node: int) -> int:
+        """Return the prize of `node`, 0 for one that must be visited."""
+        optional = model.prizes is not None and model.optional[node]
+        return round(float(model.prizes[node]) * self.cost) if optional else 0
+
+    def fixed(self, model: FleetRouting, k: int) -> int:
+        """Return the fixed cost of vehicle `k`."""
+        return 0 if model.fixed_cost is None else round(float(model.fixed_cost[k]) * self.cost)
+
 
 def scales_of(model: FleetRouting) -> Scales:
-    """Return the factors of a rich fleet."""
+    """Return the factors of a fleet."""
     longest = float(model.distances.max())
-    length, time, origin = _power(longest, ARC), 1.0, 0.0
-    if model.has_times:
-        begins = [0.0, *(span[0] for spans in model.windows or () for span in spans or ())]
-        begins += [] if model.shifts is None else model.shifts[:, 0].tolist()
-        begins += [] if model.releases is None else model.releases.tolist()
-        origin = min(begins)
-        step = float(model.base_times.max()) / float(model.speeds.min())
-        step = max(step, 0.0 if model.service is None else float(model.service.max()))
-        time = min(_power(step, ARC), _power(max(begins) - origin, FOREVER / 8))
-        if step == 0.0:
-            time = _power(max(begins) - origin, ARC)
+    time, origin = _time_scale(model)
     per_metre, per_second = costs_of(model)
     dear, hourly = float(per_metre.max()) * longest, float(per_second.max())
     fixed = 0.0 if model.fixed_cost is None else float(model.fixed_cost.max())
     once = max(fixed, float(np.nansum(model.prizes)) if model.prizes is not None else 0.0)
-    cost = _power(dear, ARC)
-    if dear == 0.0:
-        cost = _power(once, ARC)
+    cost = _power(dear or once, ARC)
     if hourly > 0.0:
         # The cost of a unit of time must be a whole number, exact for rates with small ratios.
         ratios = per_second / hourly
@@ -95,12 +104,25 @@ def scales_of(model: FleetRouting) -> Scales:
         step = int(np.argmax(exact)) + 1 if exact.any() else 1024
         units = step * max(1, math.ceil(cost * hourly / (time * step))) if dear > 0.0 else step
         cost = units * time / hourly
-    if dear * cost > MOST_ARC:
-        cost = _power(dear, MOST_ARC)
-    if once * cost > MOST_COST:
-        cost = _power(once, MOST_COST)
+    for value, most in ((dear, MOST_ARC), (once, MOST_COST)):
+        cost = _power(value, most) if value * cost > most else cost
     rates = np.rint(per_second * cost / time).astype(int)
-    return Scales(length, time, cost, origin, tuple(rates.tolist()))
+    return Scales(_power(longest, ARC), time, cost, origin, tuple(rates.tolist()))
+
+
+def _time_scale(model: FleetRouting) -> tuple[float, float]:
+    """Return the factor of times, and the time in seconds of the whole number 0."""
+    if not model.has_times:
+        return 1.0, 0.0
+    begins = [0.0, *(span[0] for spans in model.windows or () for span in spans or ())]
+    begins += [] if model.shifts is None else model.shifts[:, 0].tolist()
+    begins += [] if model.releases is None else model.releases.tolist()
+    origin = min(begins)
+    horizon = max(begins) - origin
+    step = float(model.base_times.max()) / float(model.speeds.min())
+    step = max(step, 0.0 if model.service is None else float(model.service.max()))
+    scale = _power(step or horizon, ARC)
+    return (min(scale, _power(horizon, FOREVER / 8)) if horizon > 0.0 else scale), origin
 
 
 def costs_of(model: FleetRouting) -> tuple[Floats, Floats]:
@@ -111,16 +133,22 @@ def costs_of(model: FleetRouting) -> tuple[Floats, Floats]:
 
 
 def whole_spans(model: FleetRouting, node: int, scales: Scales) -> list[tuple[int, int]]:
-    """Return the windows of `node`; one without limits if it has none.
+    """Return the windows of `node`; one without limits if it has none, or is -1.
 
     A window shorter than one unit becomes the unit in which it begins.
     """
-    spans = None if model.windows is None else model.windows[node]
-    moments = [
-        (scales.moment(a, True), scales.moment(b, False))
-        for a, b in spans or [(scales.origin, math.inf)]
-    ]
-    return [(early, max(early, late)) for early, late in moments]
+    spans = None if model.windows is None or node < 0 else model.windows[node]
+    return [_whole_span(scales, *span) for span in spans or [(scales.origin, math.inf)]]
+
+
+def whole_shift(model: FleetRouting, k: int, scales: Scales) -> tuple[int, int]:
+    """Return the earliest departure and the latest return of vehicle `k`."""
+    return _whole_span(scales, *((0.0, math.inf) if model.shifts is None else model.shifts[k]))
+
+
+def _whole_span(scales: Scales, begin: float, end: float) -> tuple[int, int]:
+    early, late = scales.moment(begin, True), scales.moment(end, False)
+    return early, max(early, late)
 
 
 def is_fetched(model: FleetRouting) -> NDArray[np.bool_]:
@@ -142,13 +170,6 @@ def list_backhauls(model: FleetRouting) -> tuple[list[int], list[int]]:
     return model.customers[~last].tolist(), model.customers[last].tolist()
 
 
-def whole_distances(model: FleetRouting, largest: int) -> tuple[Ints, float]:
-    """Return the distances as whole numbers up to about `largest`, and their scale factor."""
-    exponent = math.frexp(float(model.distances.max()))[1]
-    scale = math.ldexp(1.0, min(math.frexp(largest)[1] - 1 - exponent, 1000))
-    return np.rint(model.distances * scale).astype(np.int64), scale
-
-
 def _decimal_scale(values: Floats, total: float) -> float | None:
     """Return the least power of 10 that makes `values` whole numbers, None if it exceeds six digits."""
     for factor in 10.0 ** np.arange(7):
@@ -158,28 +179,8 @@ def _decimal_scale(values: Floats, total: float) -> float | None:
     return None
 
 
-def whole_demands(model: FleetRouting, largest: int) -> tuple[list[int], list[int]]:
-    """Return demands and capacities as whole numbers, exact for at most six decimal digits.
-
-    Otherwise demands are rounded down: every feasible load remains feasible, and slightly infeasible
-    loads may become feasible. Capacities are clipped to the sum of all demands.
-    """
-    assert model.demands is not None
-    assert model.capacity is not None
-    total = float(model.demands.sum())
-    clipped = np.minimum(model.capacity, total)
-    scale = _decimal_scale(model.demands, total)
-    if scale is None:
-        scale = largest / total if total > 0.0 else 1.0
-        demands = np.floor(model.demands * scale)
-    else:
-        demands = np.rint(model.demands * scale)
-    capacity = np.floor(clipped * scale * (1 + 1e-12))
-    return demands.astype(int).tolist(), capacity.astype(int).tolist()
-
-
 def whole_loads(model: FleetRouting, largest: int) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return whole-number loads of a rich fleet, rounded up, and capacities, rounded down.
+    """Return whole-number loads, rounded up, and capacities, rounded down.
 
     Returns
     -------
