@@ -184,7 +184,6 @@ class Posed:
         windows = [whole_spans(model, node, scales) for node in self.places]
         shifts = [whole_shift(model, k, scales) for k in range(model.vehicles)]
         begins = [begin for spans in [*windows, shifts] for begin, _ in spans]
-        begins += [scales.release(model, node) for node in self.customers]
         horizon = max(begins) + step * (len(self.places) + 1)
         limits = [horizon] * model.vehicles
         time = self._dimension(
@@ -207,22 +206,6 @@ class Posed:
             routing.AddVariableMinimizedByFinalizer(end)
             routing.AddVariableMaximizedByFinalizer(start)
         time.SetGlobalSpanCostCoefficient(SPAN if model.objective is Objective.MAKESPAN else 0)
-        if model.releases is not None:
-            self._declare_releases(time, service, limits)
-
-    def _declare_releases(self, time: Any, service: Ints, limits: list[int]) -> None:
-        """Add the departure of each trip, which is no earlier than the releases of its nodes."""
-        departure = self._dimension("departure", 0 * service, limits[0], limits, False)
-        self._reset(departure, self.reloads or [-1], None)
-        for place in self.reloads:
-            index = self.index(place)
-            begin = departure.SlackVar(index) + departure.CumulVar(index)
-            end = time.CumulVar(index) + time.SlackVar(index) + int(service[place])
-            self.solver.Add(begin == end)
-        for start in self.starts:
-            self.solver.Add(departure.CumulVar(start) == time.CumulVar(start))
-        for node in self.customers:
-            departure.CumulVar(self._visit(node)).SetMin(self.scales.release(self.model, node))
 
     def _declare_loads(self) -> None:
         model = self.model

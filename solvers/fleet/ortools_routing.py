@@ -27,8 +27,8 @@ class OrToolsRouting(FleetHeuristic):
     unless the objective is "sum", 100 times the longest (q times for "sum-deviation"). The answer is
     the best plan by the model's objective among all solutions. If every vehicle must be used, the
     search starts from a solution whose empty vehicles receive the nodes that are cheapest to move.
-    Capacity, battery, times and all features of rich fleets are dimensions, disjunctions and constraints
-    of the library. Each reload and station has copies: one per node to visit in small fleets, two per
+    Capacity, battery, times and the features of rich fleets, except releases, are dimensions,
+    disjunctions and constraints of the library. Each reload and station has copies: one per node to visit in small fleets, two per
     vehicle in large ones. Limits on the sum, the deviation and the range are checked but do not guide the
     search, and neither do departures later than the shift for the makespan with a limit on durations.
     """
@@ -42,7 +42,7 @@ class OrToolsRouting(FleetHeuristic):
     # OR-Tools loads its bundled libhighs.so.1: see MathOpt.
     conflict_group = "highs"
     natives = ORTOOLS_MARKS
-    rich = COMMON | {"stations", "makespan"}
+    rich = COMMON - {"releases"} | {"stations", "makespan"}
     options: ClassVar[Mapping[str, Option]] = {
         "seconds": Option(10.0, "Search time without a time limit, s.", lower=0.01),
         "solutions": Option(None, "Number of solutions after which the search ends.", int, lower=1),
