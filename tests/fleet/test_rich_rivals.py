@@ -13,6 +13,7 @@ import crosstrack as ct
 from crosstrack.errors import UnsupportedFormulation
 from crosstrack.models import FleetRouting
 from crosstrack.solvers import Termination
+from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.fleet.ortools_data import Posed as OrToolsPosed
 from crosstrack.solvers.fleet.pyvrp_data import Posed
 from crosstrack.solvers.fleet.whole import round_down, round_up, scales_of, whole_loads, whole_spans
@@ -40,7 +41,7 @@ def solved(model: FleetRouting, name: str, **more: Any) -> Any:
 
 def supported(name: str, count: int) -> list[FleetRouting]:
     """Return the first `count` random models that the backend accepts."""
-    backend, models, seed = ct.backend(name), [], 0
+    backend, models, seed = find_backend(name), [], 0
     while len(models) < count:
         model = random_rich(np.random.default_rng(seed))
         seed += 1
@@ -99,7 +100,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
 @pytest.mark.parametrize(("name", "fields", "reason"), REFUSED)
 def test_refuses_features_by_name(name: str, fields: dict[str, Any], reason: str) -> None:
     model = FleetRouting(2, points=SQUARE, **{"objective": "sum"} | fields)
-    assert reason in ct.backend(name).refuses(model)
+    assert reason in find_backend(name).refuses(model)
     need(name)
     with pytest.raises(UnsupportedFormulation, match=reason):
         ct.solve(model, name)
@@ -121,7 +122,7 @@ def test_refuses_features_by_name(name: str, fields: dict[str, Any], reason: str
 def test_claims_nothing_about_infeasible_models(name: str, fields: dict[str, Any]) -> None:
     need(name)
     model = FleetRouting(2, points=SQUARE, **{"objective": "sum"} | fields)
-    if ct.backend(name).refuses(model):
+    if find_backend(name).refuses(model):
         return
     answer = solved(model, name, time_limit=0.5)
     assert answer.plan is None
@@ -130,15 +131,15 @@ def test_claims_nothing_about_infeasible_models(name: str, fields: dict[str, Any
 
 
 def large(seed: int = 3) -> FleetRouting:
-    """Return 60 customers with windows, two loads, skills and reloads."""
+    """Return 24 customers with windows, two loads, skills and reloads."""
     rng = np.random.default_rng(seed)
-    size = 61
+    size = 25
     begins = rng.integers(0, 200, size)
     return FleetRouting(
-        8, points=rng.random((size, 2)) * 30, objective="cost", service=np.full(size, 2.0),
+        4, points=rng.random((size, 2)) * 30, objective="cost", service=np.full(size, 2.0),
         windows=[None, *((float(a), float(a + 60)) for a in begins[1:])],
-        demands=rng.integers(1, 5, (size, 2)), capacity=np.full((8, 2), 25.0), fixed_cost=40.0,
-        requires=[["lift"] * int(k % 7 == 1) for k in range(size)], skills=[["lift"] * (k % 2) for k in range(8)],
+        demands=rng.integers(1, 5, (size, 2)), capacity=np.full((4, 2), 25.0), fixed_cost=40.0,
+        requires=[["lift"] * int(k % 7 == 1) for k in range(size)], skills=[["lift"] * (k % 2) for k in range(4)],
         reloads=[0], max_reloads=2, time_cost=0.3,
     )  # fmt: skip
 
