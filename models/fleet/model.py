@@ -181,7 +181,9 @@ class FleetRouting(RichData):
 
     @property
     def prefers_native(self) -> bool:
-        """Whether the model is too large for branch and bound: above 100 nodes, or 12 with balance."""
+        """Whether a native algorithm is preferred: rich fleets, and more than 100 nodes, or 12 with balance."""
+        if self.is_rich:
+            return True  # no program covers their features
         limit = SUM_NODES if self.preferred_formulation == "two-index" else BALANCE_NODES
         return len(self.customers) > limit
 

@@ -8,7 +8,8 @@ BACKENDS = {
     "pso-ac-serial": ".two_phases:PsoAntColonySerial",
     "tpha": ".two_phases:TwoPhase",
     "kmeans-ac": ".two_phases:KMeansAntColony",
-    "ortools-routing": ".ortools_routing:OrToolsRouting",
+    # "auto" takes the first heuristic that supports a rich fleet; tests/benchmarks/fleet/rich_classes.py.
     "pyvrp": ".pyvrp_routing:PyVrpRouting",
+    "ortools-routing": ".ortools_routing:OrToolsRouting",
 }
 DIAGNOSES = {"fleet-routing": ".diagnosis:diagnose_fleet"}

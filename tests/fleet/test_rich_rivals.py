@@ -14,6 +14,7 @@ from crosstrack.errors import UnsupportedFormulation
 from crosstrack.models import FleetRouting
 from crosstrack.solvers import Termination
 from crosstrack.solvers.contract.registry import find_backend
+from crosstrack.solvers.contract.selection import recommended
 from crosstrack.solvers.fleet.ortools_data import Posed as OrToolsPosed
 from crosstrack.solvers.fleet.pyvrp_data import Posed
 from crosstrack.solvers.fleet.whole import round_down, round_up, scales_of, whole_loads, whole_spans
@@ -244,3 +245,12 @@ def test_a_route_needs_as_many_copies_as_visits() -> None:
     posed = OrToolsPosed(model)
     assert posed.places_of([[1, 0, 2]]) is not None
     assert posed.places_of([[1, 0, 2, 0, 3]]) is None
+
+
+def test_auto_prefers_pyvrp_and_falls_back_to_ortools() -> None:
+    need("pyvrp")
+    need("ortools-routing")
+    fields: dict[str, Any] = {"points": SQUARE, "service": np.ones(4)}
+    for objective, name in (("cost", "pyvrp"), ("makespan", "ortools-routing")):
+        assert recommended(FleetRouting(2, objective=objective, **fields)).name == name
+    assert ct.solve(FleetRouting(2, objective="cost", **fields), time_limit=1.0).verification.ok
