@@ -109,7 +109,7 @@ class Posed:
         return result
 
     def _dimension(
-        self, name: str, transits: Any, slack: int, limits: Sequence[int], zero: bool = True
+        self, name: str, transits: Any, slack: int, limits: Sequence[int] | Ints, zero: bool = True
     ) -> Any:
         """Return a new dimension; `transits` are one per place, or registered ones per vehicle."""
         if isinstance(transits, np.ndarray):
@@ -272,8 +272,9 @@ class Posed:
             routing.AddDisjunction([self._visit(node) for node in group], *penalty)
         for place in [*self.reloads, *self.stations]:
             routing.AddDisjunction([self.index(place)], 0)
-        for node in self.customers if model.requires is not None else ():
-            names = set(model.requires[node])
+        requires = model.requires or [()] * model.size
+        for node in self.customers:
+            names = set(requires[node])
             able = [k for k, known in enumerate(model.skills or ()) if names.issubset(known)]
             if names and len(able) < model.vehicles:
                 routing.VehicleVar(self._visit(node)).SetValues([-1, *able])

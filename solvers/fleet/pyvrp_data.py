@@ -116,6 +116,8 @@ class Posed:
         """
         from pyvrp import Location, ProblemData, VehicleType
 
+        make: Any = VehicleType  # its stubs know fewer positional arguments than the class
+
         #: Node of each client, -1 for a copy of a depot; node of each depot; pair of each shipment.
         self.nodes: list[int] = []
         self.stops: list[int] = []
@@ -130,7 +132,7 @@ class Posed:
         # The limit does not change the kinds, because a start refers to them.
         most = ANYTHING if math.isinf(limit) else int(limit)
         types = [
-            VehicleType(len(members), *kind[:7], min(kind[7], most), *kind[8:])
+            make(len(members), *kind[:7], min(kind[7], most), *kind[8:])
             for kind, members in kinds.items()
         ]
         return ProblemData(
@@ -138,7 +140,7 @@ class Posed:
             groups, list(self._shipments()),
         )  # fmt: skip
 
-    def _matrices(self) -> tuple[list[Ints], list[Ints]]:
+    def _matrices(self) -> tuple[list[Any], list[Any]]:
         """Return the distances, in units of cost if they have one, and the durations of each profile."""
         model, count = self.model, len(self.places)
         spread = np.ix_(self.places, self.places)
@@ -146,16 +148,15 @@ class Posed:
         copies = [place for place, _ in self.copies]
         barred[:, copies] = True
         barred[copies] = True
-        barred[np.ix_(copies, model.customers)] = False
+        barred[np.ix_(np.array(copies, int), model.customers)] = False
         for place, home in self.copies:
             barred[home, place] = False
         if self.is_open:
             barred[-1] = True
         if model.backhauls:
             first, last = list_backhauls(model)
-            barred[np.ix_([*self.homes, *copies, *(place for place, _ in self.reloads)], last)] = (
-                True
-            )
+            sources = np.array([*self.homes, *copies, *(place for place, _ in self.reloads)])
+            barred[np.ix_(sources, last)] = True
             barred[np.ix_(last, first)] = True
         distances, durations = [], []
         times: dict[float, Ints] = {}
@@ -207,7 +208,7 @@ class Posed:
         return 0 if service is None else int(round_up(service[node], self.scales.time))
 
     def _clients(self) -> tuple[list[Any], list[Any]]:
-        """Return the clients, and the groups of which at most one is visited."""
+        """Return the clients, and the groups of clients that exclude each other."""
         from pyvrp import Client, ClientGroup
 
         model, scales = self.model, self.scales
@@ -249,6 +250,7 @@ class Posed:
         """Yield the pairs of pickup and delivery."""
         from pyvrp import Shipment
 
+        make: Any = Shipment
         model = self.model
         for pair, amount in zip(
             [] if model.pairs is None else model.pairs.tolist(), self.amounts, strict=True
@@ -261,7 +263,7 @@ class Posed:
                 raise Unreachable(pair[1])
             if end >= early:
                 self.pairs.append(pair)
-                yield Shipment(
+                yield make(
                     *pair, early, _late(late), self._service(pair[0]),
                     begin, _late(end), self._service(pair[1]), amount + [0] * self.forced,
                     sum(self.scales.prize(model, node) for node in pair), required,
@@ -271,7 +273,9 @@ class Posed:
         """Return the depots, reloads last, and the depot of each node at which routes start or end."""
         from pyvrp import Depot
 
-        model, depots, at = self.model, [], {}
+        model = self.model
+        depots: list[Any] = []
+        at: dict[int, int] = {}
         for node in np.union1d(model.homes, model.finishes).tolist():
             at[node] = len(depots)
             early, late = whole_spans(model, node, self.scales)[0]

@@ -26,7 +26,7 @@ COMMON = frozenset(
         "skills", "prizes", "groups", "reloads", "max_reloads", "cost",
     }
 )  # fmt: skip
-#: Whole number from which on a time counts as infinite.
+#: Least whole number of an infinite time.
 FOREVER = 2**42
 #: Whole number up to which the longest arc of a fleet is scaled, in length, time and cost.
 ARC = 2**21
@@ -79,8 +79,9 @@ class Scales:
 
     def prize(self, model: FleetRouting, node: int) -> int:
         """Return the prize of `node`, 0 for one that must be visited."""
-        optional = model.prizes is not None and model.optional[node]
-        return round(float(model.prizes[node]) * self.cost) if optional else 0
+        if model.prizes is None or not model.optional[node]:
+            return 0
+        return round(float(model.prizes[node]) * self.cost)
 
     def fixed(self, model: FleetRouting, k: int) -> int:
         """Return the fixed cost of vehicle `k`."""
@@ -135,7 +136,7 @@ def costs_of(model: FleetRouting) -> tuple[Floats, Floats]:
 def whole_spans(model: FleetRouting, node: int, scales: Scales) -> list[tuple[int, int]]:
     """Return the windows of `node`; one without limits if it has none, or is -1.
 
-    A window shorter than one unit becomes the unit in which it begins.
+    A window shorter than one unit becomes the first unit after its begin.
     """
     spans = None if model.windows is None or node < 0 else model.windows[node]
     return [_whole_span(scales, *span) for span in spans or [(scales.origin, math.inf)]]
@@ -159,15 +160,15 @@ def is_fetched(model: FleetRouting) -> NDArray[np.bool_]:
     return result
 
 
-def list_backhauls(model: FleetRouting) -> tuple[list[int], list[int]]:
+def list_backhauls(model: FleetRouting) -> tuple[Ints, Ints]:
     """Return the other nodes to visit, and those with pickups only, which come last in their trip."""
     loads = (model.pickups, model.demands)
     back, front = (
         np.zeros(model.size, bool) if rows is None else rows.reshape(model.size, -1).any(axis=1)
         for rows in loads
     )
-    last = (back & ~front)[model.customers]
-    return model.customers[~last].tolist(), model.customers[last].tolist()
+    last = np.logical_and(back, ~front)[model.customers]
+    return model.customers[~last], model.customers[last]
 
 
 def _decimal_scale(values: Floats, total: float) -> float | None:
