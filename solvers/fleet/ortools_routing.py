@@ -108,8 +108,12 @@ def _solve(best: Best, request: Request, *, used: bool, solution_limit: int | No
     # The library holds the GIL, so its search has to poll the stop flag.
     routing.AddSearchMonitor(routing.solver().CustomLimit(lambda: request.control.stopped))
     parameters = pywrapcp.DefaultRoutingSearchParameters()
+    first = request.options["first"]
+    if first == "automatic" and (posed.reloads or posed.stations):
+        # The library's choice finds no solution if 8 nodes need 3 reloads.
+        first = "parallel_cheapest_insertion"
     parameters.first_solution_strategy = routing_enums_pb2.FirstSolutionStrategy.Value.Value(
-        request.options["first"].upper()
+        first.upper()
     )
     parameters.local_search_metaheuristic = (
         routing_enums_pb2.LocalSearchMetaheuristic.GUIDED_LOCAL_SEARCH
