@@ -27,9 +27,9 @@ from ..contract.backend import (
 from .bound import lower_bound, trip_bound
 from .candidate import PENALTY, Candidate, scaled
 from .decomposition import SIZE, Parts
+from .fleet_kernels import Fleet
 from .giant_tour import GiantTour
 from .rivals import FleetBackend
-from .fleet_kernels import Fleet
 from .start import ROUNDING, cut_tour, first_plan, first_routes, repair
 from .tree_bound import tree_bound
 

@@ -16,8 +16,8 @@ from crosstrack.models.fleet.checks import loads_of
 from crosstrack.solvers.fleet import decomposition, fleet_search, start
 from crosstrack.solvers.fleet.candidate import Candidate, scaled
 from crosstrack.solvers.fleet.decomposition import Parts
-from crosstrack.solvers.fleet.giant_tour import GiantTour
 from crosstrack.solvers.fleet.fleet_kernels import Routes, measure, workspace
+from crosstrack.solvers.fleet.giant_tour import GiantTour
 from crosstrack.solvers.fleet.search_kernels import anneal
 from crosstrack.solvers.fleet.start import cut_tour
 from crosstrack.solvers.fleet.tree_bound import tree_bound

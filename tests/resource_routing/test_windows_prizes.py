@@ -24,7 +24,9 @@ def rich_model(seed, **fields):
     ] or [[0, 1]]
     closes = {kind: int(draw.integers(6, 25)) for kind in kinds}
     floors = {kind: int(draw.integers(0, most + 1)) for kind, most in closes.items()}
-    time = Resource("time", limits=closes, floors={k: floors[k] for k in kinds if draw.random() < 0.6})
+    time = Resource(
+        "time", limits=closes, floors={k: floors[k] for k in kinds if draw.random() < 0.6}
+    )
     load = Resource(
         "load",
         limits={kinds[1]: 12} if draw.random() < 0.5 else dict.fromkeys(kinds, 9),
@@ -219,7 +221,7 @@ def test_arc_flow_refuses_several_routes():
 
 def test_a_resource_without_resets_takes_one_row():
     model = rich_model(1)
-    fuel = Resource("fuel", limits={kind: 30 for kind in model.kinds})
+    fuel = Resource("fuel", limits=dict.fromkeys(model.kinds, 30))
     plain = ResourceRouting(
         model.kinds, [fuel], 0, 1, arcs=model.arcs, lengths=abs(model.lengths),
         uses=[[1.0]] * len(model.arcs),
@@ -231,6 +233,8 @@ def test_a_resource_without_resets_takes_one_row():
 def test_diagnosis_names_a_lower_limit():
     model = bank(arcs=[[0, 3]])
     late = Resource("time", rate=1, limits={"end": 9}, lower_limits={"end": 8})
-    found = ct.diagnose(ResourceRouting(model.kinds, [late], 0, 3, points=model.points, arcs=[[0, 3]]))
+    found = ct.diagnose(
+        ResourceRouting(model.kinds, [late], 0, 3, points=model.points, arcs=[[0, 3]])
+    )
     assert found.feasible is False
     assert [str(one.text) for one in found.findings] == ["time at least 8 at end (point 3)"]
