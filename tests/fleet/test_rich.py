@@ -6,6 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
+from fleet.rich_oracle import _raw, enumerate_best, random_rich, reject, schedules
 
 import crosstrack as ct
 from crosstrack.errors import CrosstrackError, InvalidData, UnsupportedFormulation
@@ -13,8 +14,6 @@ from crosstrack.models import FleetRouting, Model
 from crosstrack.models.fleet import FleetPlan
 from crosstrack.models.fleet.features import FEATURES, features_of
 from crosstrack.models.fleet.schedule import earliest_returns, schedule_route
-
-from .rich_oracle import _raw, enumerate_best, random_rich, reject, schedules
 
 LINE = [[0, 0], [3, 0], [0, 4], [5, 5]]
 
