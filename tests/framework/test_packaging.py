@@ -160,11 +160,11 @@ def distributions(checkout, tmp_path_factory):
     made = shutil.ignore_patterns(
         ".*", "__pycache__", "*.egg-info", "_build", "build", "dist", "gallery", "generated"
     )
-    shutil.copytree(checkout, place / "copy", ignore=made)
+    shutil.copytree(checkout, place / "checkout", ignore=made)
     command = [sys.executable, "-P", "-m", "build", "--no-isolation", "--outdir", str(place)]
     for source, options in ((".", []), ("solvers/unknown_grid/weights", ["--wheel"])):
         done = subprocess.run(
-            [*command, *options, str(place / "copy" / source)],
+            [*command, *options, str(place / "checkout" / source)],
             capture_output=True, text=True, timeout=240, check=False, cwd=place,
         )  # fmt: skip
         assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
@@ -233,8 +233,8 @@ def test_weights_are_a_distribution_of_their_own(distributions, installed, run_p
 def installed(wheel, run_python, tmp_path_factory):
     """The folder into which the wheel was installed."""
     place = tmp_path_factory.mktemp("installed")
-    pip = ["-P", "-m", "pip", "install", "-q", "--no-deps", "--no-index", "--target"]
-    run_python(*pip, str(place), str(wheel), cwd=place)
+    options = ["-q", "--no-deps", "--no-index", "--no-compile", "--target", str(place)]
+    run_python("-P", "-m", "pip", "install", *options, str(wheel), cwd=place)
     return place
 
 
