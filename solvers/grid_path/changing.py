@@ -20,6 +20,8 @@ Ints = NDArray[np.int64]
 
 #: Share of the cells above which freed cells are joined by numbering all components again.
 RELABEL = 1e-3
+#: Number of components on small maps from which all are numbered again.
+LEAST = 1000
 _ONE, _SEVERAL = Array((2,), int), Goals(("k", 2), int)
 
 
@@ -132,7 +134,8 @@ class ChangingMap:
 
     def _join(self, freed: Ints) -> None:
         """Join the components around freed cells."""
-        if len(freed) > self.walls.size * RELABEL:
+        cells = self.walls.size
+        if len(freed) > cells * RELABEL or len(self._roots) > 2 * cells + LEAST:
             self.number_components()
             return
         for number in freed.tolist():

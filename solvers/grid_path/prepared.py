@@ -382,7 +382,8 @@ class PreparedMap:
             numbers = self._state.change(cells, blocked)
             self.__dict__.pop("_scaled", None)
             for key, (left, pending) in list(self._fields.items()):
-                pending.append(numbers)
+                if len(numbers):
+                    pending.append(numbers)
                 if sum(map(len, pending)) > CHANGED * left.size:
                     del self._fields[key]
         return len(numbers)

@@ -13,7 +13,7 @@ from crosstrack.errors import InvalidData, UnsupportedOption
 from crosstrack.models import GridPath
 from crosstrack.models.grid_path import GridMap, GridPlan
 from crosstrack.models.grid_path.checks import length_along
-from crosstrack.solvers.grid_path import prepared as module
+from crosstrack.solvers.grid_path import changing, prepared as module
 from crosstrack.solvers.grid_path.query_kernels import points_along, repair
 
 #: Scenarios of each map that are solved in every run of the tests.
@@ -22,7 +22,9 @@ SAMPLE = 150
 
 @pytest.fixture(autouse=True)
 def repairs_on_small_maps(monkeypatch):
-    """Let small maps repair their distances, too; on them the default always searches again."""
+    """Let small maps repair distances and join components, too; on them the default always starts again."""
+    monkeypatch.setattr(changing, "RELABEL", 0.1)
+    monkeypatch.setattr(changing, "LEAST", 0)
     monkeypatch.setattr(module, "SHARE", 0.5)
     monkeypatch.setattr(module, "CHANGED", 0.1)
 
