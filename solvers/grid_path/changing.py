@@ -20,7 +20,7 @@ Ints = NDArray[np.int64]
 
 #: Share of the cells above which freed cells are joined by numbering all components again.
 RELABEL = 1e-3
-#: Number of components on small maps from which all are numbered again.
+#: Components are numbered again if they exceed this number plus twice the number of cells.
 LEAST = 1000
 _ONE, _SEVERAL = Array((2,), int), Goals(("k", 2), int)
 
