@@ -284,14 +284,15 @@ class _Search:
                 self._combine()
             idle = 0 if relaxed.bound - best > GAIN * abs(relaxed.bound) else idle + 1
             best = max(best, relaxed.bound)
-            if idle > ROUNDS or not self._cut(relaxed.values):
+            if idle > ROUNDS or not self._cut(relaxed.values, idle > 0):
                 return relaxed
 
-    def _cut(self, values: Floats) -> int:
-        """Add violated cuts and return their number."""
+    def _cut(self, values: Floats, both: bool = False) -> int:
+        """Add violated capacity cuts, and subset-row cuts as well if `both` or without the former."""
         if not self.request.options.get("cuts", True):
             return 0
-        return self.master.cut_capacity(values) or self.master.cut_triples(values)
+        count = self.master.cut_capacity(values)
+        return count + self.master.cut_triples(values) if both or not count else count
 
     def _bisect(self) -> Relaxed:
         """Find the largest T that the linear program refutes, and report it as the bound."""
