@@ -40,9 +40,7 @@ class Visit:
 def walk_route(model: RoutingData, plan: Route) -> tuple[list[Visit], list[str]]:
     """Return the stops of `plan`, and the names of the legs without an arc."""
     route = route_of_indices(plan.route, len(model.kinds)).route
-    index_of: dict[tuple[int, int], int] = {}
-    if model.arcs is not None:
-        index_of = {(i, j): k for k, (i, j) in enumerate(model.arcs.tolist())}
+    index_of = model.arc_index
     place = {word: k for k, word in enumerate(model.words)}
     levels = [resource.initial for resource in model.resources]
     visits: list[Visit] = []
@@ -93,6 +91,14 @@ def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verificat
     """Compute the length of `plan` and check every limit of `model` from the raw data."""
     check_tolerance(tolerance)
     required("plan", plan, Route)
+    found = _verify_one(model, plan, tolerance)
+    if not plan.others and model.routes == 1:
+        return found
+    return replace(found, checks=(*found.checks, *_check_others(model, plan, tolerance)))
+
+
+def _verify_one(model: RoutingData, plan: Route, tolerance: float) -> Verification:
+    """Return the verification of the first route of `plan`."""
     visits, missing = walk_route(model, plan)
     route = [visit.point for visit in visits]
     between = [model.label(k) for k in route[1:-1] if k in (model.start, model.end)]
@@ -135,8 +141,6 @@ def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verificat
                     tolerance, scale=least,
                 )
             )  # fmt: skip
-    if plan.others or model.routes > 1:
-        checks += _check_others(model, plan, tolerance)
     length = visits[-1].value if len(visits) > 1 else None
     # The scale of a length is the length itself.
     return Verification(length, tuple(checks), scale=0.0)
@@ -145,8 +149,9 @@ def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verificat
 def _check_others(model: RoutingData, plan: Route, tolerance: float) -> list[Check]:
     """Return the checks of the further routes: feasible, different, in order and not too many."""
     routes = [Route(plan.route), *map(Route, plan.others)]
-    found = [verify_route(replace(model, routes=1), route, tolerance) for route in routes[1:]]
-    values = [walk_route(model, route)[0][-1].value if len(route) else math.inf for route in routes]
+    found = [_verify_one(model, route, tolerance) for route in routes[1:]]
+    first = _verify_one(model, routes[0], tolerance)
+    values = [math.inf if one.objective is None else one.objective for one in (first, *found)]
     names = [f"others[{k}]" for k in range(len(found))]
     seen = [route.route in {other.route for other in routes[:k]} for k, route in enumerate(routes)]
     return [

@@ -176,6 +176,12 @@ class RoutingData(Model[Route]):
         place = {word: k for k, word in enumerate(self.words)}
         return frozen(np.array([place[word] for word in self.kinds], np.int64))
 
+    @cached_property
+    def arc_index(self) -> dict[tuple[int, int], int]:
+        """Row of each listed arc in :attr:`arcs`, by its tail and head."""
+        arcs = [] if self.arcs is None else self.arcs.tolist()
+        return {(i, j): k for k, (i, j) in enumerate(arcs)}
+
     def table(self, name: str, default: float) -> Floats:
         """Return ``"limits"``, ``"gains"`` or ``"resets"`` as an array, shape (kinds, resources).
 

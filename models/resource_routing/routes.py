@@ -31,9 +31,10 @@ class Ends(Protocol):
 
 def refuse_revisits(model: Ends, formulation: str) -> None:
     """Raise :class:`UnsupportedFormulation` if the model allows revisits or asks for several routes."""
-    if getattr(model, "routes", 1) > 1:
+    routes = getattr(model, "routes", 1)
+    if routes > 1:
         raise UnsupportedFormulation(
-            f"formulation {formulation!r} returns one route, but the model has routes={model.routes}; "
+            f"formulation {formulation!r} returns one route, but the model has routes={routes}; "
             "set routes=1 or use a native backend"
         )
     if model.revisits:

@@ -8,7 +8,8 @@ point is open if the label does not remember it and the bound on routes through 
 
 Labels leave the heap in the order of a Lagrangean bound: the length, the weighted levels, and the least
 weighted length from there to the end (:mod:`.multipliers`). The front of a point holds its extended labels by
-length. With at most one resource it is a staircase: only the predecessor can dominate.
+length, with the least first level up to each entry. The test ends at the first entry whose least level is
+larger, which makes it O(log n) for one resource: the front is then a staircase.
 """
 
 from __future__ import annotations
@@ -68,6 +69,8 @@ class Fronts(NamedTuple):
         Number of entries given to points.
     label, length, level : ndarray, shapes (entries,), (entries,) and (entries, r)
         Label of each entry, and copies of its length and levels.
+    below : ndarray, shape (entries,)
+        Least first level of the entries of the point up to each one.
     """
 
     begin: NDArray[np.int64]
@@ -78,6 +81,7 @@ class Fronts(NamedTuple):
     label: NDArray[np.int64]
     length: NDArray[np.float64]
     level: NDArray[np.float64]
+    below: NDArray[np.float64]
 
 
 class Guide(NamedTuple):
@@ -149,6 +153,7 @@ def fronts_of(count: int, resources: int) -> Fronts:
         np.empty(4 * count + 64, np.int64),
         np.empty(4 * count + 64),
         np.empty((4 * count + 64, resources)),
+        np.empty(4 * count + 64),
     )
 
 
@@ -158,6 +163,7 @@ def moved(fronts: Fronts, wider: Fronts, begin: int, stop: int, to: int) -> None
     for k in range(begin, stop):
         at = to + k - begin
         wider.label[at], wider.length[at] = fronts.label[k], fronts.length[k]
+        wider.below[at] = fronts.below[k]
         for column in range(fronts.level.shape[1]):
             wider.level[at, column] = fronts.level[k, column]
 
@@ -173,7 +179,7 @@ def inserted(fronts: Fronts, labels: Labels, at: int) -> Fronts:
             entries = 2 * (top + room)
             wider = Fronts(
                 fronts.begin, fronts.size, fronts.room, fronts.least, fronts.top,
-                np.empty(entries, np.int64), np.empty(entries), np.empty((entries, resources)),
+                np.empty(entries, np.int64), np.empty(entries), np.empty((entries, resources)), np.empty(entries),
             )  # fmt: skip
             moved(fronts, wider, 0, top, 0)
             fronts = wider
@@ -181,11 +187,13 @@ def inserted(fronts: Fronts, labels: Labels, at: int) -> Fronts:
         fronts.begin[point], fronts.room[point] = top, room
         fronts.top[0] = top + room
     begin = fronts.begin[point]
-    k = begin + size
+    k, first = begin + size, labels.level[at, 0] if resources > 0 else -np.inf
     while k > begin and fronts.length[k - 1] > labels.length[at]:
         moved(fronts, fronts, k - 1, k, k)
+        fronts.below[k] = min(fronts.below[k], first)
         k -= 1
     fronts.label[k], fronts.length[k] = at, labels.length[at]
+    fronts.below[k] = min(fronts.below[k - 1], first) if k > begin else first
     for column in range(resources):
         fronts.level[k, column] = labels.level[at, column]
         fronts.least[point, column] = min(fronts.least[point, column], labels.level[at, column])
@@ -239,15 +247,11 @@ def dominated(
     """Return whether `rivals` labels in the front of its point dominate label `at`.
 
     `full` is the level of each resource above which no lower limit refuses it, -inf without lower limits.
-    With one rival, at most one resource and no critical points, the labels must come in the order of
-    their bounds.
     """
     point, resources = labels.point[at], labels.level.shape[1]
-    stairs = rivals == 1 and labels.visited.shape[1] == 0 and resources < 2
     for k in range(resources):
         if labels.level[at, k] < fronts.least[point, k]:
             return False
-        stairs = stairs and full[k] == -np.inf
     begin = fronts.begin[point]
     low, stop = begin, begin + fronts.size[point]
     while low < stop:
@@ -256,11 +260,9 @@ def dominated(
             low = middle + 1
         else:
             stop = middle
-    if stairs:
-        return low > begin and bool(
-            resources == 0 or fronts.level[low - 1, 0] <= labels.level[at, 0]
-        )
     for entry in range(low - 1, begin - 1, -1):
+        if resources > 0 and fronts.below[entry] > labels.level[at, 0]:
+            return False
         beaten = True
         for k in range(resources):
             one, other = fronts.level[entry, k], labels.level[at, k]

@@ -1,4 +1,4 @@
-"""Least weighted lengths to the end where some arcs have negative weights."""
+"""Least weighted lengths to the end, with arcs of negative weight."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def least_ways(
     following : ndarray of int64, shape (n,)
         First arc of the walk from each point, -1 without one.
     cycle : int
-        A point on a cycle of negative weight, which `following` contains; -1 if there is no such cycle.
+        A point on a cycle of negative weight, which `following` contains; -1 without a cycle.
     """
     count = len(first) - 1
     ahead, following = np.full(count, np.inf), np.full(count, -1)

@@ -196,12 +196,12 @@ def test_arc_flow_agrees_with_enumeration():
     for seed in range(80):
         model = rich_model(seed)
         routes = simple_routes(model)
-        try:
-            formulation = model.formulate("arc-flow")
-        except UnsupportedFormulation as error:
-            assert "lower limits at the end alone" in str(error)
+        if model.resources[1:] and model.resources[1].resets and model.lower_limits.any():
+            with pytest.raises(UnsupportedFormulation, match="lower limits at the end alone"):
+                model.formulate("arc-flow")
             refused += 1
             continue
+        formulation = model.formulate("arc-flow")
         found = ct.solve(model, "highs")
         assert found.termination == ("optimal" if routes else "infeasible"), seed
         if routes:
