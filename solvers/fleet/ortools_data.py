@@ -12,6 +12,7 @@ from ...models.fleet import FleetRouting, Objective
 from .whole import (
     FOREVER,
     costs_of,
+    has_shift,
     list_backhauls,
     round_down,
     round_up,
@@ -196,6 +197,9 @@ class Posed:
             durations = round_down(model.max_duration, scales.time).tolist()
         for k, (early, late) in enumerate(shifts):
             start, end = time.CumulVar(self.starts[k]), time.CumulVar(self.finishes[k])
+            if not has_shift(model, k, scales):
+                routing.NextVar(self.starts[k]).SetValue(self.finishes[k])
+                continue
             for moment, place in ((start, self.homes[k]), (end, self.ends[k])):
                 _restrict(moment, windows[place])
                 moment.SetRange(early, late)

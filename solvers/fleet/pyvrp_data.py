@@ -13,6 +13,7 @@ from ...models.fleet import FleetRouting
 from .whole import (
     FOREVER,
     costs_of,
+    has_shift,
     is_fetched,
     list_backhauls,
     round_down,
@@ -41,7 +42,7 @@ PENALTY, FACTOR = 1e5, 256.0
 
 
 class Unreachable(Exception):
-    """The windows of a node that must be visited end before its release, or before its pickup."""
+    """A node ends before its release or its pickup, or no shift overlaps the windows of the depots."""
 
 
 class Found(NamedTuple):
@@ -127,7 +128,10 @@ class Posed:
         depots, at = self._depots()
         kinds: dict[tuple[Any, ...], list[int]] = {}
         for k in range(self.model.vehicles):
-            kinds.setdefault(self._vehicle(k, at), []).append(k)
+            if has_shift(self.model, k, self.scales):
+                kinds.setdefault(self._vehicle(k, at), []).append(k)
+        if not kinds:
+            raise Unreachable
         self.members = list(kinds.values())
         # The limit does not change the kinds, because a start refers to them.
         most = ANYTHING if math.isinf(limit) else int(limit)
@@ -227,7 +231,7 @@ class Posed:
                 if release <= window[1]
             ]
             if required and not choices:
-                raise Unreachable(group[0])
+                raise Unreachable
             several = len(choices) > 1
             if several:
                 own = range(len(clients), len(clients) + len(choices))
@@ -260,7 +264,7 @@ class Posed:
             )
             required = not model.optional[pair].all()
             if end < early and required:
-                raise Unreachable(pair[1])
+                raise Unreachable
             if end >= early:
                 self.pairs.append(pair)
                 yield make(

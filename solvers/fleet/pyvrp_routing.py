@@ -88,7 +88,8 @@ class PyVrpRouting(FleetHeuristic):
         try:
             found = look(math.inf, None, patience if limited else whole, False)
         except Unreachable:
-            best.broken = "service within a window"
+            best.offer([[]] * best.problem.vehicles)  # feasible if every node is optional
+            best.broken = best.broken and "service within a window"
             return counts
         if found is None or not limited:
             return counts

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...models.fleet import FleetRouting
 
 __all__ = [
-    "COMMON", "FOREVER", "Scales", "costs_of", "is_fetched", "list_backhauls", "round_down", "round_up",
+    "COMMON", "FOREVER", "Scales", "costs_of", "has_shift", "is_fetched", "list_backhauls", "round_down", "round_up",
     "scales_of", "whole_loads", "whole_shift", "whole_spans",
 ]  # fmt: skip
 
@@ -145,6 +145,16 @@ def whole_spans(model: FleetRouting, node: int, scales: Scales) -> list[tuple[in
 def whole_shift(model: FleetRouting, k: int, scales: Scales) -> tuple[int, int]:
     """Return the earliest departure and the latest return of vehicle `k`."""
     return _whole_span(scales, *((0.0, math.inf) if model.shifts is None else model.shifts[k]))
+
+
+def has_shift(model: FleetRouting, k: int, scales: Scales) -> bool:
+    """Return whether the shift of vehicle `k` overlaps a window of each of its depots."""
+    early, late = whole_shift(model, k, scales)
+    depots = int(model.homes[k]), int(model.finishes[k])
+    return all(
+        any(early <= end and begin <= late for begin, end in whole_spans(model, node, scales))
+        for node in depots
+    )
 
 
 def _whole_span(scales: Scales, begin: float, end: float) -> tuple[int, int]:

@@ -51,7 +51,15 @@ def supported(name: str, count: int) -> list[FleetRouting]:
     return models
 
 
-@pytest.mark.parametrize(("name", "count"), [("pyvrp", 110), ("ortools-routing", 40)])
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        ("pyvrp", 110),
+        ("ortools-routing", 40),
+        pytest.param("pyvrp", 300, marks=pytest.mark.slow),
+        pytest.param("ortools-routing", 150, marks=pytest.mark.slow),
+    ],
+)
 def test_plans_verify_and_nearly_all_are_optimal(name: str, count: int) -> None:
     need(name)
     feasible = optimal = 0
@@ -118,6 +126,7 @@ def test_refuses_features_by_name(name: str, fields: dict[str, Any], reason: str
         {"requires": [[], ["lift"], [], []], "skills": [[], []]},
         {"battery": 7, "fixed_cost": 1, "objective": "cost"},
         {"windows": [None, (0, 9), None, None], "releases": [0, 20, 0, 0]},
+        {"windows": [(0, 4), None, None, None], "shifts": (5, 90)},
     ],
 )
 def test_claims_nothing_about_infeasible_models(name: str, fields: dict[str, Any]) -> None:
@@ -230,6 +239,25 @@ def test_a_limit_keeps_the_kinds_of_vehicles() -> None:
     posed = Posed(model, False)
     assert len(posed.data(float("inf")).vehicle_types()) == 2
     assert len(posed.data(5.0).vehicle_types()) == 2
+
+
+def test_the_empty_plan_is_returned_if_no_vehicle_can_leave() -> None:
+    need("pyvrp")
+    model = FleetRouting(
+        2, points=SQUARE, objective="cost", prizes=[None, 1, 2, 3], shifts=(5, 90), windows=[(0, 4), None, None, None]
+    )  # fmt: skip
+    assert solved(model, "pyvrp").plan.routes == ((), ())
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_vehicles_without_a_shift_stay_idle(name: str) -> None:
+    need(name)
+    model = FleetRouting(
+        2, points=SQUARE, objective="sum", shifts=[(5, 90), (0, 90)], windows=[(0, 4), (0, 99), None, None], ends=-1
+    )  # fmt: skip
+    answer = solved(model, name)
+    assert answer.verification.ok
+    assert answer.plan.routes[0] == ()
 
 
 def test_ortools_finds_reloads_that_are_necessary() -> None:
