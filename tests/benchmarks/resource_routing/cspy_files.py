@@ -1,6 +1,6 @@
 """The public files of constrained shortest paths, beside cspy: seconds of CPU and their ratio.
 
-``python tests/benchmarks/resource_routing/cspy_files.py`` writes ``docs/measured/constrained-paths.json``; it needs the
+``python tests/benchmarks/resource_routing/cspy_files.py`` writes ``docs/measured/resource-routing.json``; it needs the
 files in ``../shared/data/rcsp``, and cspy 1.0.3. Compilation and reading are not measured.
 """
 
@@ -89,7 +89,7 @@ def main() -> None:
         "file": "", "optimum (ours)": ".0f", "CPU s (ours)": ".2g", "cspy's length": "",
         "CPU s (cspy)": ".2g", "ratio": ".1f",
     }  # fmt: skip
-    write("constrained-paths", "cspy", __file__, columns, rows, ("numba", "cspy"))
+    write("resource-routing", "cspy", __file__, columns, rows, ("numba", "cspy"))
 
 
 if __name__ == "__main__":
