@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .label_kernels import Labels, dominated, extend, fronts_of, grown, inserted, make, route_of
+from .front_kernels import Labels, dominated, fronts_of, grown, inserted, make
+from .label_kernels import extend, route_of
 from .network import Network
 
 __all__ = ["narrow"]

@@ -1,0 +1,224 @@
+"""Labels, and the fronts of extended labels that dominate others; see :mod:`.label_kernels`."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+
+__all__ = ["Fronts", "Labels", "dominated", "fronts_of", "grown", "inserted", "make"]
+
+
+class Labels(NamedTuple):
+    """Columns of labels; only the first ones are in use.
+
+    Attributes
+    ----------
+    point, parent : ndarray of int64
+        Last point, and parent label (-1 for none).
+    length : ndarray
+        Length of the partial route, without its prizes.
+    level : ndarray, shape (room, r)
+        Level of each resource on leaving.
+    visited : ndarray of uint64, shape (room, words)
+        Remembered critical points, one bit each.
+    """
+
+    point: NDArray[np.int64]
+    parent: NDArray[np.int64]
+    length: NDArray[np.float64]
+    level: NDArray[np.float64]
+    visited: NDArray[np.uint64]
+
+
+class Fronts(NamedTuple):
+    """Extended labels of each point, in the order of their lengths, in shared columns.
+
+    Attributes
+    ----------
+    begin, size, room : ndarray of int64, shape (n,)
+        First entry of each point, number of entries, and entries that fit.
+    least : ndarray, shape (n, r)
+        Least level of each resource in the front.
+    top : ndarray of int64, shape (1,)
+        Number of entries given to points.
+    label, length, level : ndarray, shapes (entries,), (entries,) and (entries, r)
+        Label of each entry, and copies of its length and levels.
+    below : ndarray, shape (entries,)
+        Least first level of the entries of the point up to each one.
+    """
+
+    begin: NDArray[np.int64]
+    size: NDArray[np.int64]
+    room: NDArray[np.int64]
+    least: NDArray[np.float64]
+    top: NDArray[np.int64]
+    label: NDArray[np.int64]
+    length: NDArray[np.float64]
+    level: NDArray[np.float64]
+    below: NDArray[np.float64]
+
+
+@kernel
+def make(room: int, resources: int, words: int) -> Labels:
+    """Return columns for `room` labels."""
+    return Labels(
+        np.empty(room, np.int64),
+        np.empty(room, np.int64),
+        np.empty(room),
+        np.empty((room, resources)),
+        np.zeros((room, words), np.uint64),
+    )
+
+
+@kernel
+def grown(labels: Labels, used: int, room: int) -> Labels:
+    """Return columns for `room` labels that start with the first `used` labels."""
+    wider = make(room, labels.level.shape[1], labels.visited.shape[1])
+    for k in range(used):
+        wider.point[k] = labels.point[k]
+        wider.parent[k] = labels.parent[k]
+        wider.length[k] = labels.length[k]
+        for column in range(labels.level.shape[1]):
+            wider.level[k, column] = labels.level[k, column]
+        for word in range(labels.visited.shape[1]):
+            wider.visited[k, word] = labels.visited[k, word]
+    return wider
+
+
+@kernel
+def fronts_of(count: int, resources: int) -> Fronts:
+    """Return empty fronts of `count` points."""
+    return Fronts(
+        np.zeros(count, np.int64),
+        np.zeros(count, np.int64),
+        np.zeros(count, np.int64),
+        np.full((count, resources), np.inf),
+        np.zeros(1, np.int64),
+        np.empty(4 * count + 64, np.int64),
+        np.empty(4 * count + 64),
+        np.empty((4 * count + 64, resources)),
+        np.empty(4 * count + 64),
+    )
+
+
+@kernel
+def moved(fronts: Fronts, wider: Fronts, begin: int, stop: int, to: int) -> None:
+    """Copy the entries from `begin` to `stop` into `wider`."""
+    for k in range(begin, stop):
+        at = to + k - begin
+        wider.label[at], wider.length[at] = fronts.label[k], fronts.length[k]
+        wider.below[at] = fronts.below[k]
+        for column in range(fronts.level.shape[1]):
+            wider.level[at, column] = fronts.level[k, column]
+
+
+@kernel
+def inserted(fronts: Fronts, labels: Labels, at: int) -> Fronts:
+    """Return the fronts with label `at`."""
+    point, resources = labels.point[at], labels.level.shape[1]
+    size = fronts.size[point]
+    if size == fronts.room[point]:
+        room, top = 4 + 2 * size, fronts.top[0]
+        if top + room > len(fronts.label):
+            entries = 2 * (top + room)
+            wider = Fronts(
+                fronts.begin, fronts.size, fronts.room, fronts.least, fronts.top,
+                np.empty(entries, np.int64), np.empty(entries), np.empty((entries, resources)), np.empty(entries),
+            )  # fmt: skip
+            moved(fronts, wider, 0, top, 0)
+            fronts = wider
+        moved(fronts, fronts, fronts.begin[point], fronts.begin[point] + size, top)
+        fronts.begin[point], fronts.room[point] = top, room
+        fronts.top[0] = top + room
+    begin = fronts.begin[point]
+    k, first = begin + size, labels.level[at, 0] if resources > 0 else -np.inf
+    while k > begin and fronts.length[k - 1] > labels.length[at]:
+        moved(fronts, fronts, k - 1, k, k)
+        fronts.below[k] = min(fronts.below[k], first)
+        k -= 1
+    fronts.label[k], fronts.length[k] = at, labels.length[at]
+    fronts.below[k] = min(fronts.below[k - 1], first) if k > begin else first
+    for column in range(resources):
+        fronts.level[k, column] = labels.level[at, column]
+        fronts.least[point, column] = min(fronts.least[point, column], labels.level[at, column])
+    fronts.size[point] = size + 1
+    return fronts
+
+
+@kernel
+def forgets(
+    labels: Labels,
+    one: int,
+    other: int,
+    via: NDArray[np.float64],
+    shut: NDArray[np.float64],
+    high: float,
+    key: float,
+) -> bool:
+    """Return whether label `one` remembers only points that are closed for label `other`.
+
+    `key` is the part of the bound of `other` without the way to the end.
+    """
+    for word in range(labels.visited.shape[1]):
+        more = labels.visited[one, word] & ~labels.visited[other, word]
+        bit = 64 * word
+        while more != np.uint64(0):
+            if more & np.uint64(1) != np.uint64(0):
+                whole = key + via[labels.point[one], bit]
+                if whole <= high and whole < np.inf:
+                    closed = False
+                    for k in range(labels.level.shape[1]):
+                        closed = closed or labels.level[other, k] > shut[bit, k]
+                    if not closed:
+                        return False
+            more = more >> np.uint64(1)
+            bit += 1
+    return True
+
+
+@kernel
+def dominated(
+    fronts: Fronts,
+    labels: Labels,
+    at: int,
+    via: NDArray[np.float64],
+    shut: NDArray[np.float64],
+    high: float,
+    key: float,
+    full: NDArray[np.float64],
+    rivals: int,
+) -> bool:
+    """Return whether `rivals` labels in the front of its point dominate label `at`.
+
+    `full` is the level of each resource above which no lower limit refuses it, -inf without lower limits.
+    """
+    point, resources = labels.point[at], labels.level.shape[1]
+    for k in range(resources):
+        if labels.level[at, k] < fronts.least[point, k]:
+            return False
+    begin = fronts.begin[point]
+    low, stop = begin, begin + fronts.size[point]
+    while low < stop:
+        middle = (low + stop) // 2
+        if fronts.length[middle] <= labels.length[at]:
+            low = middle + 1
+        else:
+            stop = middle
+    for entry in range(low - 1, begin - 1, -1):
+        if resources > 0 and fronts.below[entry] > labels.level[at, 0]:
+            return False
+        beaten = True
+        for k in range(resources):
+            one, other = fronts.level[entry, k], labels.level[at, k]
+            if one > other or (one < other and one < full[k]):
+                beaten = False
+                break
+        if beaten and forgets(labels, fronts.label[entry], at, via, shut, high, key):
+            rivals -= 1
+            if rivals == 0:
+                return True
+    return False
