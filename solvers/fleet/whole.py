@@ -121,7 +121,10 @@ def _time_scale(model: FleetRouting) -> tuple[float, float]:
     origin = min(begins)
     horizon = max(begins) - origin
     step = float(model.base_times.max()) / float(model.speeds.min())
-    step = max(step, 0.0 if model.service is None else float(model.service.max()))
+    service = 0.0 if model.service is None else float(model.service.max())
+    # Otherwise units of length and time are equal, as PyVRP's neighbourhoods add both.
+    if service > 64 * step or model.times is not None or model.speed is not None:
+        step = max(step, service)
     scale = _power(step or horizon, ARC)
     return (min(scale, _power(horizon, FOREVER / 8)) if horizon > 0.0 else scale), origin
 

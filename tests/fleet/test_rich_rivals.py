@@ -23,8 +23,8 @@ from .rich_oracle import enumerate_best, random_rich, reject
 
 OPTIONS = {"pyvrp": {}, "ortools-routing": {"solutions": 60, "seconds": 1.0}}
 PACKAGES = {"pyvrp": "pyvrp", "ortools-routing": "ortools"}
-#: Least share of optima, and of instances that a backend supports. With 100 seeds, PyVRP reached 46 of 47
-#: optima, and OR-Tools with 60 seeds and 150 solutions 27 of 30.
+#: Least share of optima, and of feasible instances among 110. PyVRP reached 227 optima of the 239 feasible
+#: instances among 300, and OR-Tools 84 of the 88 among 110.
 SHARES = {"pyvrp": (0.9, 50), "ortools-routing": (0.75, 50)}
 
 
