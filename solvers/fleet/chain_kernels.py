@@ -1,7 +1,7 @@
 """Loops of chained Lin-Kernighan search for a closed tour.
 
 A step of Lin and Kernighan exchanges edges of a tour as long as the sum of gains is positive, and keeps the
-best tour on the way. Between two local optima, a double bridge exchanges two
+best tour on the way; or-opt moves short segments. Between two local optima, a double bridge exchanges two
 neighbouring short segments, and a worse result is undone unless annealing accepts it. Tours are arrays; all
 moves are reversals of paths.
 
@@ -28,8 +28,8 @@ Whole = NDArray[np.int64]
 
 #: Largest number of exchanges in a step, and of alternatives for the first one.
 DEPTH, BREADTH = 25, 5
-#: Longest segment of a double bridge.
-KICK = 50
+#: Longest segment that or-opt moves, and longest segment of a double bridge.
+SEGMENT, KICK = 3, 50
 #: Least gain, relative to the longest distance.
 GAIN = 1e-12
 
@@ -159,6 +159,54 @@ def _exchange(tour: Tour, base: int, ahead: int, which: int) -> float:
 
 
 @kernel
+def _shift(tour: Tour, base: int, step: int) -> float:
+    """Move a short segment that begins at `base` and continues in direction `step`; return the gain."""
+    d, near, lists = tour.distances, tour.near, tour.lists
+    n = lists.shape[1]
+    before, end = _beside(tour, base, -step), base
+    for size in range(1, SEGMENT + 1):
+        behind = _beside(tour, end, step)
+        saved = d[before, base] + d[end, behind] - d[before, behind]
+        for j in range(near.shape[1]):
+            node = near[base, j]
+            if node < 0 or saved - d[base, node] <= GAIN:
+                break
+            if step * (lists[1, node] - lists[1, base]) % n < size:
+                continue
+            for side in (-1, 1):
+                other = _beside(tour, node, side)
+                # The edge before or behind the segment is not available.
+                if step * (lists[1, other] - lists[1, base]) % n < size:
+                    continue
+                gain = saved - d[base, node] - d[end, other] + d[node, other]
+                if gain <= GAIN:
+                    continue
+                first, last, p, q = base, end, before, behind
+                if step < 0:
+                    first, last, p, q = end, base, behind, before
+                u = node if side > 0 else other
+                # Forwards p first … last q … u v; then p q … u last … first v.
+                if u != p:
+                    _reverse(tour, first, u)
+                    if _beside(tour, p, 1) == u:
+                        _reverse(tour, u, q)
+                    else:
+                        _reverse(tour, q, u)
+                if (u == node) != (last == base):
+                    if (lists[1, first] - lists[1, last]) % n == size - 1:
+                        _reverse(tour, last, first)
+                    else:
+                        _reverse(tour, first, last)
+                for entry in (before, behind, base, end, node, other):
+                    _push(tour, entry)
+                return float(gain)
+        end = behind
+        if end == before:
+            break
+    return 0.0
+
+
+@kernel
 def _descend(tour: Tour, flag: NDArray[np.int8], forget: bool) -> float:
     """Improve the tour until no node of the stack has an improving move; return the gain."""
     counts, total = tour.counts, 0.0
@@ -172,6 +220,8 @@ def _descend(tour: Tour, flag: NDArray[np.int8], forget: bool) -> float:
             while gain <= 0.0 and which < BREADTH:
                 gain = _exchange(tour, base, _beside(tour, base, step), which)
                 which += 1
+            if gain <= 0.0:
+                gain = _shift(tour, base, step)
         if gain > 0.0:
             total += gain
             if forget:
