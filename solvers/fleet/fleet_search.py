@@ -178,9 +178,9 @@ class _Search:
         model, request, draw = self.model, self.request, self.draws[0]
         if request.options["bound"]:
             self.prove(trip_bound(model))
-        if request.warm_start is not None:
-            routes: list[list[int]] = [list(route) for route in request.warm_start.routes]
-        else:
+        warm = request.warm_start
+        routes = [] if warm is None else [list(route) for route in warm.routes]
+        if sorted(node for stops in routes for node in stops) != model.customers.tolist():
             routes = first_routes(model, draw, lambda: self.must_stop) or cut_tour(model)
         parts = Parts(model, routes, draw)
         self.keep_if_verified(parts)

@@ -199,6 +199,8 @@ def test_large_fleets_are_planned_in_parts_and_repeat_by_seed(objective, small_p
     assert 0.0 < plans[0].dual_bound <= plans[0].primal_bound
     first = model.verify(FleetPlan(tuple(map(tuple, cut_tour(model)))))
     assert plans[0].primal_bound < first.objective
+    again = ct.solve(model, "fleet-search", warm_start=plans[0], **options)
+    assert again.primal_bound <= plans[0].primal_bound
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e6])
