@@ -190,9 +190,8 @@ _FORMATS = (
     ),
     FileFormat(
         "solomon", "a routing problem with time windows in Solomon's form",
-        content=r"(?s)\A(?=.*^VEHICLE[ \t\r]*$).*^CUSTOMER[ \t\r]*$",
-        remedy="fleet-routing has no time windows or service times; without them, write the customers "
-        "as CSV with the columns x,y,demand",
+        {"fleet-routing": Target(".instances.fleet.solomon:read_solomon")},
+        r"(?s)\A(?=.*^VEHICLE[ \t\r]*$).*^CUSTOMER[ \t\r]*$",
     ),
     FileFormat("gpx", "GPX of a GPS receiver", content=_xml("gpx"), suffixes=(".gpx",), remedy=_DEGREES),
     FileFormat("kml", "KML of Google Earth", content=_xml("kml"), suffixes=(".kml", ".kmz"), remedy=_DEGREES),

@@ -29,6 +29,11 @@ class _Frozen:
             raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
 
 
+def _is_default(field: dataclasses.Field[Any], value: Any) -> bool:
+    """Return whether `value` is the default of a field; never for an array."""
+    return type(value) is type(field.default) and bool(value == field.default)
+
+
 @dataclass(frozen=True, eq=False)
 class Declared(_Frozen):
     """Base of frozen data classes whose fields are declared with a :class:`Spec`.
@@ -57,9 +62,8 @@ class Declared(_Frozen):
         """Yield the bytes that identify the content."""
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if "spec" in field.metadata and not (
-                field.metadata.get("added") and value == field.default
-            ):
+            omitted = field.metadata.get("added") and _is_default(field, value)
+            if "spec" in field.metadata and not omitted:
                 yield f"\0{field.name}\0".encode()
                 yield from field.metadata["spec"].feed(value)
 
@@ -80,8 +84,8 @@ class Declared(_Frozen):
         result = {}
         for field in dataclasses.fields(self):
             value, spec = getattr(self, field.name), field.metadata.get("spec")
-            same = type(value) is type(field.default) and value == field.default
-            if field.init and spec is not None and not (same and field.metadata.get("added")):
+            omitted = field.metadata.get("added") and _is_default(field, value)
+            if field.init and spec is not None and not omitted:
                 result[field.name] = spec.encode(value)
         return result
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         read_nodes as read_nodes,
         read_tsplib as read_tsplib,
     )
+    from .solomon import read_solomon as read_solomon
     from .vrplib import read_vrplib as read_vrplib
 
 CATALOGUE = {"fleet": ".listing:catalogue_entries"}

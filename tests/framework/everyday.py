@@ -112,6 +112,7 @@ SOP = (
 SOLOMON = (
     "C101\n\nVEHICLE\nNUMBER     CAPACITY\n  25         200\n\nCUSTOMER\nCUST NO.  XCOORD.   YCOORD.    DEMAND   "
     "READY TIME  DUE DATE   SERVICE   TIME\n \n    0      40         50          0          0       1236          0\n"
+    "    1      45         68         10        912        967         90\n    2      45         70         30        825        870         90\n"
 )
 RCSP = "4 5 1\n0\n9\n0\n1\n2\n0\n1 2 5 3\n1 3 4 1\n2 4 3 4\n3 4 9 2\n1 4 30 0\n"
 LP = "\\ written by a modeller\nMinimize\n obj: 2 x + 3 y\nSubject To\n c1: x + y >= 2\nBounds\n x <= 1\nEnd\n"
@@ -142,17 +143,17 @@ FILES = (
     File("movingai/arena.map.scen", None, "--data scenario=9", "grid-path"),
     File("mapf/empty-16-16-random-1.scen", None),
     File("toy-n4-k2.vrp", CVRP, "", "fleet-routing"),
-    File("fleet-vrplib/small/OkSmall.txt", None, "", "", "no time windows"),
+    File("fleet-vrplib/small/OkSmall.txt", None, "", "fleet-routing"),
     File("fleet-vrplib/CVRP/X-n101-k25.sol", None),
     File("four.tsp", EXPLICIT, "--data vehicles=1", "fleet-routing"),
     File("tsplib/berlin52.tsp", None),
     File("line.sop", SOP, "", "guided-path-tour"),
     File("sop/br17.10.sop", None, "", "", "stops on a line"),
-    File("c101.txt", SOLOMON, "", "", "no time windows"),
+    File("c101.txt", SOLOMON, "", "fleet-routing"),
     File("dtspn/dtspn-06-01-025-0.txt", None, "", "messenger-tour"),
     File("paths.txt", RCSP, "", "resource-routing"),
     File("rcsp/rcsp1.txt", None, "", "resource-routing"),
-    File("rcsp/toy.txt", None),
+    File("rcsp/toy.txt", None, "", "resource-routing"),
     File("model.lp", LP, "", "mixed-integer-program"),
     File("model.txt", MPS, "", "mixed-integer-program"),
     File("flight.csv", POLY7 + "\n1" + ",0" * 32 + "\n2" + ",0" * 32 + "\n", "", "minimum-snap"),

@@ -90,8 +90,7 @@ def test_a_constrained_path_of_the_or_library(tmp_path):
     tight = file._replace(content=file.content.replace("\n9\n", "\n7\n", 1))
     assert ct.solve(load(tight, tmp_path)).primal_bound == 13
     floor = file._replace(content=file.content.replace("\n0\n", "\n1\n", 1))
-    with pytest.raises(UnsupportedFormulation, match="lower limit > 0"):
-        load(floor, tmp_path)
+    assert load(floor, tmp_path).resources[0].lower_limits
 
 
 def test_geojson_keeps_names_depots_and_obstacles(tmp_path):
