@@ -18,10 +18,6 @@ __all__ = ["ChangingMap"]
 
 Ints = NDArray[np.int64]
 
-#: Share of the cells above which freed cells are joined by numbering all components again.
-RELABEL = 1e-3
-#: Components are numbered again if they exceed this number plus twice the number of cells.
-LEAST = 1000
 _ONE, _SEVERAL = Array((2,), int), Goals(("k", 2), int)
 
 
@@ -43,7 +39,7 @@ class ChangingMap:
         self._given = grid.blocked.copy()
         self.blocked, self.walls = self._map.blocked.copy(), self._map.walls.copy()
         self.free = int((self.walls == 0).sum())
-        self.number_components()
+        self._labels: NDArray[np.int32] | None = None
 
     @property
     def map(self) -> GridMap:
@@ -91,8 +87,8 @@ class ChangingMap:
         self._given[places] = states
         differing = self._differing(at)
         numbers = self.grid.numbers_of(differing)
-        freed = numbers[self.walls[numbers] != 0]
-        free = self.free + 2 * len(freed) - len(numbers)
+        freed = int(self.walls[numbers].sum())
+        free = self.free + 2 * freed - len(numbers)
         if free <= 0:
             self._given[places] = former
             raise InvalidData("blocked must leave at least one cell free", field="blocked")
@@ -100,7 +96,8 @@ class ChangingMap:
         self.walls[numbers] ^= 1
         self.free = free
         self._map = None
-        self._join(freed)
+        if freed:
+            self._labels = None
         return numbers
 
     def _differing(self, at: Ints) -> Ints:
@@ -121,37 +118,15 @@ class ChangingMap:
     # -- components ------------------------------------------------------------------------------
 
     def number_components(self) -> None:
-        """Number the connected components; diagonal steps join no further cells.
+        """Number the connected components, which shows later that cells are separated.
 
-        Freed cells join components. Blocked cells may divide one, which a search without a path reveals. So
-        cells of different components are never connected.
+        Diagonal steps join no further cells. Blocked cells may divide a component but join none, so the
+        numbers remain a proof until cells are freed.
         """
         from scipy.ndimage import label
 
-        labels, count = label(self.walls.reshape(-1, self.width) == 0)
-        self._labels: NDArray[np.int32] = labels.ravel()
-        self._roots = list(range(count + 1))
-
-    def _join(self, freed: Ints) -> None:
-        """Join the components around freed cells."""
-        cells = self.walls.size
-        if len(freed) > cells * RELABEL or len(self._roots) > 2 * cells + LEAST:
-            self.number_components()
-            return
-        for number in freed.tolist():
-            self._labels[number] = len(self._roots)
-            self._roots.append(len(self._roots))
-        for number in freed.tolist():
-            for other in (number - 1, number + 1, number - self.width, number + self.width):
-                if self.walls[other] == 0:
-                    self._roots[self._root(other)] = self._root(number)
-
-    def _root(self, number: int) -> int:
-        at = int(self._labels[number])
-        while self._roots[at] != at:
-            self._roots[at] = at = self._roots[self._roots[at]]
-        return at
+        self._labels = label(self.walls.reshape(-1, self.width) == 0)[0].ravel()
 
     def are_joined(self, first: int, other: int) -> bool:
         """Return whether two free cells may be connected; False is a proof that they are not."""
-        return self._root(first) == self._root(other)
+        return self._labels is None or bool(self._labels[first] == self._labels[other])

@@ -191,14 +191,15 @@ class PreparedMap:
             each = _REACH.coerce("reach", reach, {}) is Reach.EACH
 
         def posed() -> GridPath:
-            return GridPath(self.map, start, goals, kind, reach, self._weights)  # type: ignore[arg-type]
+            cells = self._grid.cells_at(np.array([first, *ends]))
+            return GridPath(self.map, cells[0], cells[1:], kind, reach, self._weights)  # type: ignore[arg-type]
 
         with self._lock:
+            (first,) = self._state.numbers_of("start", start)
+            ends = self._state.numbers_of("goals", goals)
             if kind is Connectivity.ANY:
                 status, plan, cost, count = self._any(posed())
             else:
-                (first,) = self._state.numbers_of("start", start)
-                ends = self._state.numbers_of("goals", goals)
                 groups = [[end] for end in ends] if each else [ends]
                 status, plan, cost, count = self._along(first, groups, kind is Connectivity.EIGHT)
         return PathAnswer(status, plan, cost, count, time.perf_counter() - begin, posed)
@@ -218,7 +219,7 @@ class PreparedMap:
             count += expanded
             if not turns.size:
                 if joined:
-                    self._state.number_components()  # blocked cells have separated a component
+                    self._state.number_components()
                 return Termination.INFEASIBLE, None, math.inf, count
             points = points_along(turns, self._width, self._grid.cell, self._corner)
             goal, length = int(turns[-1]), -1.0

@@ -13,7 +13,7 @@ from crosstrack.errors import InvalidData, UnsupportedOption
 from crosstrack.models import GridPath
 from crosstrack.models.grid_path import GridMap, GridPlan
 from crosstrack.models.grid_path.checks import length_along
-from crosstrack.solvers.grid_path import changing, prepared as module
+from crosstrack.solvers.grid_path import prepared as module
 from crosstrack.solvers.grid_path.query_kernels import points_along, repair
 
 #: Scenarios of each map that are solved in every run of the tests.
@@ -22,9 +22,7 @@ SAMPLE = 150
 
 @pytest.fixture(autouse=True)
 def repairs_on_small_maps(monkeypatch):
-    """Let small maps repair distances and join components, too; on them the default always starts again."""
-    monkeypatch.setattr(changing, "RELABEL", 0.1)
-    monkeypatch.setattr(changing, "LEAST", 0)
+    """Let small maps repair distances, too; on them the default always starts again."""
     monkeypatch.setattr(module, "SHARE", 0.5)
     monkeypatch.setattr(module, "CHANGED", 0.1)
 
@@ -173,6 +171,27 @@ def test_old_answers_fail_on_a_map_that_blocks_them():
     prepared.change((1, 3), True)
     with pytest.raises(InvalidData, match="goals"):
         answer.verification()
+
+
+def test_an_answer_does_not_follow_the_arrays_of_its_query():
+    prepared = ct.prepare(GridMap(["....", ".@@.", "...."]))
+    start, goals = np.array([0, 0]), np.array([[2, 3], [0, 3]])
+    answer = prepared.path(start, goals, reach="each")
+    start[:], goals[:] = 2, 2
+    assert answer.verification().ok
+
+
+def test_components_prove_separation_until_cells_are_freed():
+    prepared = ct.prepare(GridMap(["." * 20] * 9))
+    ends = (4, 0), (4, 19)
+    prepared.change([(row, 10) for row in range(9)], True)
+    first, again = prepared.path(*ends), prepared.path(*ends)
+    assert first.termination == again.termination == "infeasible"
+    assert first.expanded > 0 == again.expanded
+    prepared.change((0, 5), True)  # blocked cells join no components
+    assert prepared.path(*ends).expanded == 0
+    prepared.change((8, 10), False)
+    assert prepared.path(*ends).ok
 
 
 def test_a_wrong_search_is_rejected(monkeypatch):
