@@ -309,8 +309,8 @@ def _tail(search: Any, k: int, share: float, state: Floats) -> Any:
     return result
 
 
-def prepare_flight(model: Flight, *options: Any) -> PreparedFlight:
-    """Plan a flight and prepare it for replanning; options other than None are refused."""
-    if any(option is not None for option in options):
-        raise UnsupportedOption("prepare accepts no options for a flight")
+def prepare_flight(model: Flight, **options: Any) -> PreparedFlight:
+    """Plan a flight and prepare it for replanning; options are refused."""
+    if options:
+        raise UnsupportedOption(f"prepare accepts no options for a flight, got {', '.join(options)}")
     return PreparedFlight(model)

@@ -135,8 +135,7 @@ class PreparedMap:
         self._state = ChangingMap(grid, radius)
         present = self._state.map
         free = np.argwhere(~present.blocked)[0]
-        weights = None if weights is None else np.asarray(weights)
-        self._weights = GridPath(present, free, free, weights=weights).weights
+        self._weights = GridPath(present, free, free, weights=weights).weights  # type: ignore[arg-type]
         self._costs = np.empty((0, 0)) if self._weights is None else self._weights
         self._grid, self._width = grid, self._state.width
         self._corner = grid.origin.copy()
@@ -390,10 +389,13 @@ class PreparedMap:
         return len(numbers)
 
 
-def prepare_map(model: GridMap | GridPath, *options: Any, **more: Any) -> PreparedMap:
+def prepare_map(model: GridMap | GridPath, **options: Any) -> PreparedMap:
     """Prepare a map, or the map and weights of a model; refuse other options than weights and radius."""
-    if any(option is not None for option in options) or not more.keys() <= {"weights", "radius"}:
-        raise UnsupportedOption("prepare accepts the options weights and radius for a map")
+    refused = [name for name in options if name not in ("weights", "radius")]
+    if refused:
+        raise UnsupportedOption(
+            f"prepare accepts the options weights and radius for a map, got {', '.join(refused)}"
+        )
     if isinstance(model, GridPath):
-        return PreparedMap(model.map, **{"weights": model.weights, **more})
-    return PreparedMap(model, **more)
+        return PreparedMap(model.map, **{"weights": model.weights, **options})
+    return PreparedMap(model, **options)

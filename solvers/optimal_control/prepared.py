@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...errors import UnsupportedFormulation, UnsupportedOption
+from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption
 from ...models.fields import Flag, Optional, Real, show
 from ...models.flight.model import Flight
 from ...models.grid_path.gridmap import GridMap
@@ -367,13 +367,24 @@ def prepare(
     >>> first.ok, second.ok, second.objective < first.objective
     (True, True, True)
     """
-    chosen = None if backend == "ipopt" else backend
-    given = chosen, formulation, mesh, tolerance, time_limit, limits, backend_options, structured
+    given = {
+        "backend": None if backend == "ipopt" else backend, "formulation": formulation, "mesh": mesh,
+        "tolerance": tolerance, "time_limit": time_limit, "limits": limits,
+        "backend_options": backend_options, "structured": structured, **options,
+    }  # fmt: skip
+    given = {name: value for name, value in given.items() if value is not None}
     if isinstance(problem, GridMap | GridPath):
-        return prepare_map(problem, *given, **options)
-    original = model = as_model(problem)
+        return prepare_map(problem, **given)
+    try:
+        original = model = as_model(problem)
+    except InvalidData:
+        raise InvalidData(
+            "problem must be an OptimalControlProblem, Flight, GridMap or GridPath, got "
+            f"{show(problem)}",
+            field="problem",
+        ) from None
     if isinstance(original, Flight):
-        return prepare_flight(original, *given, *options)
+        return prepare_flight(original, **given)
     while not isinstance(model, OptimalControlProblem):
         lowered = model.lower()
         if lowered is None:

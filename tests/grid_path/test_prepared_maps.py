@@ -352,8 +352,11 @@ def test_bad_input_names_field_and_value():
     with pytest.raises(InvalidData, match="weights"):
         heavy.path((0, 0), (0, 1), connectivity="any")
     for options in ({"backend": "a-star"}, {"speed": 3}, {"time_limit": 1.0}):
-        with pytest.raises(UnsupportedOption, match="weights and radius"):
+        with pytest.raises(UnsupportedOption, match=f"weights and radius.*{next(iter(options))}"):
             ct.prepare(GridMap([".."]), **options)
+    for bad in ([".."], np.zeros((2, 2)), None):
+        with pytest.raises(InvalidData, match="problem must be .* GridMap"):
+            ct.prepare(bad)
 
 
 def test_threads_share_a_map():
