@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 
 import pytest
@@ -162,15 +162,18 @@ def pytest_configure(config: pytest.Config) -> None:
             process.kill()
 
 
-def pytest_collection(session: pytest.Session) -> None:
-    """Suspend the garbage collector during the collection, of whose time it takes 30 %."""
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Suspend the garbage collector during the collection, of whose time it takes 30 %.
+
+    Later garbage collections do not visit the modules and collected tests.
+    """
     gc.disable()
-
-
-def pytest_collection_finish(session: pytest.Session) -> None:
-    """Exempt modules and collected tests from later garbage collections, which would visit them all."""
-    gc.freeze()
-    gc.enable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
