@@ -65,8 +65,9 @@ def separations(model: Flight, tolerance: float = TOLERANCE) -> list[Separation]
 def _cell_regions(model: Flight, slack: float) -> tuple[list[set[int]], Any]:
     """Return the components of the cells at each place, and a function that describes a component.
 
-    There are no components if the cells are too many. A cell is closed if all its positions are forbidden. Cells that touch at a corner are connected for a
-    vehicle without extent. Another one passes from cell to cell over common faces only.
+    There are no components if the cells are too many. A cell is closed if all its positions are forbidden.
+    Cells that touch at a corner are connected for a vehicle without extent. Another one passes from cell to
+    cell over common faces only.
     """
     from scipy.ndimage import binary_dilation, distance_transform_edt, label
 

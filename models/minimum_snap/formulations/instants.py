@@ -150,9 +150,9 @@ def first_instants(
 ) -> Instants:
     """Return the initial instants at which bounds are imposed, at least 2 `samples` per segment.
 
-    They are the :func:`initial_times` of every bounded segment, as derivatives peak near its ends. Values that are fixed at a knot need no row. Values that are continuous
-    at a knot with equal bounds on both sides need one row. Derivatives up to `continuity` are equal
-    on both sides of a knot.
+    They are the :func:`initial_times` of every bounded segment, as derivatives peak near its ends.
+    Values that are fixed at a knot need no row. Values that are continuous at a knot with equal bounds
+    on both sides need one row. Derivatives up to `continuity` are equal on both sides of a knot.
     """
     nodes = initial_times(samples)
     every = Instants(
