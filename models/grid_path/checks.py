@@ -288,8 +288,8 @@ def length_along(
         if not (0.0 <= x < columns and 0.0 <= y < rows):
             return -1.0
         row, column = int(y), int(x)
-        away = math.sqrt((x - column - 0.5) ** 2 + (y - row - 0.5) ** 2)
-        if away > accepted or blocked[row, column]:
+        away = (x - column - 0.5) ** 2 + (y - row - 0.5) ** 2
+        if away > accepted**2 or blocked[row, column]:
             return -1.0
         if k == 0 and (row != ends[0, 0] or column != ends[0, 1]):
             return -1.0
@@ -297,12 +297,8 @@ def length_along(
             return -1.0
         if k > 0:
             down, across = abs(row - before_row), abs(column - before_column)
-            if (
-                down > 1
-                or across > 1
-                or down + across == 0
-                or (down + across == 2 and not diagonal)
-            ):
+            most = 2 if diagonal else 1
+            if down > 1 or across > 1 or not 0 < down + across <= most:
                 return -1.0
             if blocked[row, before_column] or blocked[before_row, column]:
                 return -1.0
