@@ -312,5 +312,7 @@ def _tail(search: Any, k: int, share: float, state: Floats) -> Any:
 def prepare_flight(model: Flight, **options: Any) -> PreparedFlight:
     """Plan a flight and prepare it for replanning; options are refused."""
     if options:
-        raise UnsupportedOption(f"prepare accepts no options for a flight, got {', '.join(options)}")
+        raise UnsupportedOption(
+            f"prepare accepts no options for a flight, got {', '.join(options)}"
+        )
     return PreparedFlight(model)

@@ -38,7 +38,7 @@ ROWS = 1e-5
 
 
 #: Entries of optimal control that are solved here: with a free end, phases, parameters, integer controls
-#: or path constraints. `optimal_control/test_control_instances.py` solves and verifies each one.
+#: or path constraints. `optimal_control/test_control_instances.py` solves, verifies and stores most.
 CONTROL = {
     f"optimal-control/{name}"
     for name in (

@@ -1,6 +1,8 @@
 """Catalogue of optimal control, and solutions of its entries."""
 
+import json
 import math
+import pickle
 
 import pytest
 from control_values import DERIVED, ENTRIES, KIND, PRINTED
@@ -119,6 +121,22 @@ def test_solved(name):
     answer, wanted = solved(name)
     assert answer.verification.ok, str(answer.verification)
     assert answer.primal_bound == wanted
+    assert_kept_by_encodings(ENTRIES[name].build(), answer)
+
+
+def assert_kept_by_encodings(model, answer):
+    """Assert that records and JSON data hold the plan, and that its program has a point for it."""
+    data = answer.to_dict()
+    assert json.loads(json.dumps(data, allow_nan=False)) == data
+    assert ct.Solution.from_dict(data, model).to_dict() == data
+    stored = json.loads(json.dumps(model.plan_to_data(answer.plan), allow_nan=False))
+    plan = model.plan_from_data(stored)
+    assert model.plan_to_data(plan) == stored
+    assert model.plan_to_data(pickle.loads(pickle.dumps(plan))) == stored
+    written = model.formulate(answer.formulation).fitted(plan)
+    point = written.encode(plan)
+    assert written.program.verify(point, tolerance=1e-5).ok
+    assert model.verify(written.decode(point), tolerance=1e-5).ok
 
 
 def test_goddard_by_gauss():
