@@ -191,7 +191,7 @@ class PreparedMap:
 
         def posed() -> GridPath:
             cells = self._grid.cells_at(np.array([first, *ends]))
-            return GridPath(self.map, cells[0], cells[1:], kind, reach, self._weights)  # type: ignore[arg-type]
+            return GridPath(self.map, cells[0], cells[1:], kind, reach, self._weights)
 
         with self._lock:
             (first,) = self._state.numbers_of("start", start)
@@ -328,9 +328,9 @@ class PreparedMap:
         """Return the costs of all cells of the framed map, in cells."""
         # The corner of the frame as the goal is never reached, so the searches reach all cells.
         nowhere, width = np.zeros(1, np.int64), self._width
+        how = (first, nowhere, True, diagonal, False, self._flag)
         if self._weights is not None:
             heaviest, scaled = self._scaled
-            how = (first, nowhere, True, diagonal, False, self._flag)
             costs: Floats = weighted(self._state.walls, scaled, width, *how)[1] * heaviest
             return costs
         left, pending = self._fields.pop((first, diagonal), (None, []))
@@ -340,18 +340,7 @@ class PreparedMap:
                 left = None
         if left is None:
             left = np.zeros(self._state.walls.size, np.int64)
-            sweep_in(
-                self._state.walls,
-                left,
-                CEILING,
-                width,
-                first,
-                nowhere,
-                True,
-                diagonal,
-                False,
-                self._flag,
-            )
+            sweep_in(self._state.walls, left, CEILING, width, *how)
         self._fields[first, diagonal] = left, []
         if len(self._fields) > FIELDS:
             self._fields.popitem(last=False)
