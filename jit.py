@@ -71,9 +71,9 @@ _SILENCE = 1.0
 _IMPORT, _LOAD = 0.4, 0.03
 #: Largest share of the time left for compiling; other processes may slow it down.
 _SHARE = 0.15
-#: Largest share of the time left for waiting until another process has compiled a kernel, and without a limit
-#: the multiple of the expected time: the process may be stopped, or busy with other kernels.
-_PATIENCE, _LONGEST = 0.25, 10.0
+#: Largest share of the time left for waiting until another process has compiled a kernel, and seconds without
+#: a limit, after which the kernel is compiled here: the process may be stopped, or busy with other kernels.
+_PATIENCE, _LONGEST = 0.25, 60.0
 #: Seconds that an interpreted kernel may run beyond the limit, to return its current result.
 _GRACE = 0.2
 
@@ -252,7 +252,7 @@ class Kernel:
             begin, end = perf_counter(), current_limit().end
             is_limited = end < float("inf")
             # Under load, the process may take far longer than expected.
-            patience = _PATIENCE * (end - begin) if is_limited else _LONGEST * self._compile_seconds
+            patience = _PATIENCE * (end - begin) if is_limited else _LONGEST
             is_ready = compilation.wait_for(*name, arguments, begin + patience)
             if is_limited and not is_ready:
                 raise _DoesNotFit

@@ -64,7 +64,7 @@ def test_a_wait_ends_at_the_limit(never_ready):
     assert time.perf_counter() - begin < 2.0
 
 
-@pytest.mark.parametrize(("limit", "largest"), [(40.0, 10.0), (None, 5.0)])
+@pytest.mark.parametrize(("limit", "largest"), [(40.0, 10.0), (None, 60.0)])
 def test_waits_are_bounded_with_and_without_a_limit(monkeypatch, limit, largest):
     """Another process may take far longer to compile than expected, or be stopped."""
     pytest.importorskip("numba", reason="nothing is compiled without Numba")
@@ -80,7 +80,6 @@ def test_waits_are_bounded_with_and_without_a_limit(monkeypatch, limit, largest)
         return False
 
     monkeypatch.setattr(jit, "_APART", 0.0)
-    monkeypatch.setattr(increased, "_compile_seconds", 0.5)
     monkeypatch.setattr(compilation, "is_cached", lambda *arguments: False)
     monkeypatch.setattr(compilation, "wait_for", wait_for)
     with jit.within(jit.Limit(limit)):
@@ -136,7 +135,6 @@ def test_a_stop_request_ends_a_wait(never_ready, monkeypatch):
         return value + 1
 
     monkeypatch.setattr(jit, "_APART", 0.0)
-    monkeypatch.setattr(jit, "_LONGEST", float("inf"))
     monkeypatch.setattr(compilation, "is_cached", lambda *arguments: False)
     result = []
 
