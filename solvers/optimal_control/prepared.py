@@ -11,7 +11,7 @@ import os
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,8 +28,8 @@ from ...models.optimal_control.transcription.base import Transcription
 from ..contract.backend import Request
 from ..contract.limits import Limits, limits_of
 from ..contract.registry import find_backend
-from ..flight.replanning import prepare_flight
-from ..grid_path.prepared import prepare_map
+from ..flight.replanning import PreparedFlight, prepare_flight
+from ..grid_path.prepared import PreparedMap, prepare_map
 from ..nlp.base import AWAY
 from ..nlp.casadi_nlp import CasadiNlp
 from ..nlp.ipopt import PUSHES
@@ -41,16 +41,13 @@ from .stages import NotStaged
 from .step import Step
 from .structured import StructuredSolver
 
-if TYPE_CHECKING:
-    from ..flight.replanning import PreparedFlight
-    from ..grid_path.prepared import PreparedMap
-
 __all__ = ["PreparedSolver", "Step", "prepare"]
 
 Floats = NDArray[np.float64]
 
 #: Ipopt's barrier parameter at a warm start, and the distance of a warm start from its bounds.
 NEAR = 1e-8
+_TAKEN = "prepare takes optimal control problems, flights and grid maps"
 SADDLE = "yet not a minimum: the objective falls along a direction of negative curvature"
 #: Largest difference of objectives of the same point, relative, and absolute in the objective's scale.
 SAME = 1e-6, 1e-9
@@ -367,30 +364,22 @@ def prepare(
     >>> first.ok, second.ok, second.objective < first.objective
     (True, True, True)
     """
-    given = {
-        "backend": None if backend == "ipopt" else backend, "formulation": formulation, "mesh": mesh,
-        "tolerance": tolerance, "time_limit": time_limit, "limits": limits,
-        "backend_options": backend_options, "structured": structured, **options,
-    }  # fmt: skip
+    given = dict(options, formulation=formulation, mesh=mesh, tolerance=tolerance, limits=limits)
+    given.update(time_limit=time_limit, backend_options=backend_options, structured=structured)
+    given.update(backend=None if backend == "ipopt" else backend)
     given = {name: value for name, value in given.items() if value is not None}
     if isinstance(problem, GridMap | GridPath):
         return prepare_map(problem, **given)
     try:
         original = model = as_model(problem)
-    except InvalidData:
-        raise InvalidData(
-            "problem must be an OptimalControlProblem, Flight, GridMap or GridPath, got "
-            f"{show(problem)}",
-            field="problem",
-        ) from None
+    except InvalidData as error:
+        raise InvalidData(f"{_TAKEN}: {error}", field="problem") from None
     if isinstance(original, Flight):
         return prepare_flight(original, **given)
     while not isinstance(model, OptimalControlProblem):
         lowered = model.lower()
         if lowered is None:
-            raise UnsupportedFormulation(
-                f"prepare takes optimal control problems, got model {original.kind!r}"
-            )
+            raise UnsupportedFormulation(f"{_TAKEN}, got model {original.kind!r}")
         model = lowered
     chosen_backend = find_backend(backend)
     if not isinstance(chosen_backend, CasadiNlp):
