@@ -16,6 +16,14 @@ def fleet():
     return FleetRouting(3, points=np.random.default_rng(3).random((12, 2)), objective="max")
 
 
+def loaded():
+    rng = np.random.default_rng(3)
+    demands = [0, *rng.integers(1, 9, 15).tolist()]
+    return FleetRouting(
+        4, points=rng.random((16, 2)), objective="sum", demands=demands, capacity=22
+    )
+
+
 def corrected():
     return error_correction.generate(150, 150, (20, 10, 15, 20, 20), seed=0)
 
@@ -44,7 +52,7 @@ CASES = {
     ("error_correction", "two-stage"): (corrected, False),
     ("error_correction", "pulse"): (corrected, True),
     ("error_correction", "dynamic-programming"): (corrected, True),
-    ("fleet", "column-generation"): (fleet, True),
+    ("fleet", "column-generation"): (loaded, True),
     ("fleet", "subset-dp"): (fleet, True),
     ("grid_path", "a-star"): (lambda: rooms("4"), True),
     ("grid_path", "dijkstra"): (lambda: rooms("4"), True),
