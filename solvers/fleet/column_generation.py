@@ -31,9 +31,11 @@ from ...timing import OutOfTime
 from ..contract.backend import Answer, Feature, Guarantee, Limit, Option, Request, Termination
 from .bound import lower_bound, trip_bound
 from .fleet_search import FleetSearch
+from .pyvrp_routing import PyVrpRouting
 from .rivals import FleetBackend
 from .route_master import Master
 from .route_pricing import Network, kinds_of
+from .route_start import insert_nodes
 from .route_tree import FEASIBLE, INTEGRAL, PENALTY, Node, Relaxed, Stopped, Tree
 
 __all__ = ["ColumnGeneration"]
@@ -124,7 +126,7 @@ class _Search:
 
     def __init__(self, model: FleetRouting, request: Request) -> None:
         self.model, self.request, self.control = model, request, request.control
-        self.plan: FleetPlan | None = request.warm_start
+        self.plan: FleetPlan | None = None
         self.value = math.inf
         self.bound: float | None = None
         self.infeasible = self.complete = False
@@ -197,9 +199,8 @@ class _Search:
     def solve(self) -> None:
         """Find first routes, the bound of the root, and branch."""
         model, request = self.model, self.request
-        start, self.plan = self.plan, None
-        if start is not None:
-            self.keep(start)
+        if request.warm_start is not None:
+            self.keep(request.warm_start)
         self.network = network = Network(model, kinds_of(model))
         self.unit = network.unit
         #: Relative value above those of all plans.
@@ -209,7 +210,7 @@ class _Search:
         if self.closed or self.control.stopped:
             return
         kinds = network.kinds
-        triangle = all(_keeps_triangles(entry) for entry in network.lengths)
+        triangle = network.keeps_triangles
         # Otherwise, an idle vehicle takes a node from another route, which becomes no longer.
         exact_counts = model.use_all and (self.priced or len(kinds) > 1 or not triangle)
         counts = tuple(
@@ -235,19 +236,27 @@ class _Search:
         }  # fmt: skip
 
     def _start(self) -> None:
-        """Run the heuristic and the bounds of relaxations."""
-        heuristic = FleetSearch()
-        if heuristic.refuses(self.model):
-            return
+        """Run a heuristic and the bounds of relaxations."""
         if not self.model.is_rich:
             self.prove(trip_bound(self.model))
+        heuristic: FleetBackend = FleetSearch()
+        options: dict[str, Any] = {"bound": False}
+        if heuristic.refuses(self.model):
+            routes = insert_nodes(
+                self.network, self.prizes / self.unit, self.priced, lambda: self.control.stopped
+            )
+            if routes:
+                self.offer(routes)
+            heuristic, options = PyVrpRouting(), {}
+            if heuristic.missing() or heuristic.refuses(self.model):
+                return
         left = self.request.left()
         seconds = START_SECONDS if left is None else min(START * left, START_SECONDS)
         if len(self.model.customers) <= 12:
             seconds = min(seconds, 0.2)
         with suppress(OutOfTime):  # the kernels are not compiled in time
             answer = self.request.within(
-                heuristic, self.model, time_limit=seconds, options={"bound": False},
+                heuristic, self.model, time_limit=seconds, options=options,
                 warm_start=self.plan, threads=1,
             )  # fmt: skip
             if answer.point is not None:
@@ -388,12 +397,4 @@ class _Search:
         if not self.closed:
             self.infeasible = self.plan is None
             self.complete = True
-            relative = self.priced and not self.whole
-            self.prove(leaves * self.unit + self.offset if relative else self.target)
-
-
-def _keeps_triangles(lengths: Floats) -> bool:
-    """Return whether no detour over one node is shorter."""
-    return all(
-        bool((lengths <= lengths[:, k, None] + lengths[k]).all()) for k in range(len(lengths))
-    )
+            self.prove(leaves * self.unit + self.offset if self.priced else self.target)

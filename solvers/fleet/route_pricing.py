@@ -111,9 +111,8 @@ class Network:
             for k, kind in enumerate(self.kinds):
                 rate = kind.rate if model.objective is Objective.COST else 1.0
                 self.costs[k] = rate * self.lengths[k]
-                self.costs[k, n] += (
-                    0.5 * kind.fixed
-                )  # half each way, so that costs remain symmetric
+                # Half each way, so that costs remain symmetric.
+                self.costs[k, n] += 0.5 * kind.fixed
                 self.costs[k, :, n] += 0.5 * kind.fixed
             scales = [self.costs.max()]
         if model.prizes is not None:
@@ -138,6 +137,14 @@ class Network:
         return len(self.near)
 
     @property
+    def keeps_triangles(self) -> bool:
+        """Whether no detour over one node is shorter."""
+        stops = range(self.size + 1)
+        return all(
+            bool((rows <= rows[:, k, None] + rows[k]).all()) for rows in self.lengths for k in stops
+        )
+
+    @property
     def symmetric(self) -> bool:
         """Whether each route has the same length, and is as feasible, in both directions."""
         plain = not self.model.has_times and (self.model.finishes == self.model.homes).all()
@@ -151,17 +158,18 @@ class Network:
         arcs[:-1, -1] = values[nodes, kind.finish] if kind.finish >= 0 else 0.0
         return arcs
 
-    def _window(self, node: int) -> tuple[float, float]:
+    def window(self, node: int) -> tuple[float, float]:
+        """Return the begin and end of the window of a node of the model."""
         windows = self.model.windows
         spans = None if windows is None else windows[node]
         return (-math.inf, math.inf) if spans is None else (spans[0][0], spans[-1][1])
 
     def _shift(self, kind: Kind) -> tuple[float, float] | None:
         """Return the earliest departure and the latest return; None if no route is feasible."""
-        begin, end = self._window(kind.home)
+        begin, end = self.window(kind.home)
         early, late = max(kind.early, begin), kind.late
         if kind.finish >= 0:
-            first, last = self._window(kind.finish)
+            first, last = self.window(kind.finish)
             late = min(late, last)
             if first > late:
                 return None
@@ -207,7 +215,7 @@ class Network:
         use = self._arcs(model.base_times, kind) / kind.speed
         if model.service is not None:
             use[:n] += model.service[nodes][:, None]
-        spans = np.array([self._window(int(node)) for node in nodes])
+        spans = np.array([self.window(int(node)) for node in nodes])
         low = np.append(np.maximum(spans[:, 0] - early, 0.0), 0.0)
         high = np.append(spans[:, 1] - early, math.inf)
         if not math.isfinite(late):

@@ -162,7 +162,8 @@ class Tree:
             least = min(least, offset) - error
             terms.append(least * (low if least > 0.0 else high))
             added += sum(master.add(k, route) for route in routes)
-        return math.fsum(terms) - EPSILON * len(terms) * math.fsum(map(abs, terms)), added
+        # The caller multiplies the sum by the unit of costs: a few more roundings than terms.
+        return math.fsum(terms) - EPSILON * (len(terms) + 4) * math.fsum(map(abs, terms)), added
 
     def children(self, node: Node, values: Floats) -> list[Node]:
         """Return the two parts of a node with a fractional solution."""
@@ -170,6 +171,7 @@ class Tree:
         flow = self.master.flows(values)[:n, :n]
         flow = np.triu(flow + flow.T) if network.symmetric else flow
         away = np.abs(flow - np.round(flow))
+        away[flow > 1.0] = 0.0  # a cycle of repeated nodes: the second part would not exclude it
         if away.max(initial=0.0) > INTEGRAL:
             i, j = (int(x) for x in np.unravel_index(away.argmax(), away.shape))
             return self._split_edge(node, i, j)

@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,12 @@ from crosstrack.errors import UnsupportedFormulation
 from crosstrack.instances.fleet import read_vrplib
 from crosstrack.models import FleetRouting
 from crosstrack.solvers.contract.backend import Request
-from crosstrack.solvers.fleet import column_generation
+from crosstrack.solvers.fleet import column_generation, route_tree
 from crosstrack.solvers.fleet.route_kernels import CUTS
-from crosstrack.solvers.fleet.route_master import visits_twice
+from crosstrack.solvers.fleet.route_master import Master, visits_twice
 from crosstrack.solvers.fleet.route_pricing import Network, Prices, Pricing, kinds_of
+from crosstrack.solvers.fleet.route_start import insert_nodes
+from crosstrack.solvers.fleet.route_tree import Node, Tree
 
 FILES = Path(__file__).parents[3] / "shared" / "data" / "fleet-vrplib" / "CVRP"
 needs_files = pytest.mark.skipif(
@@ -231,3 +234,122 @@ def test_a_fleet_that_is_too_small_is_infeasible():
             2, points=points, objective=objective, demands=[0, 2, 2, 2], capacity=3
         )
         assert solved(model).termination == "infeasible"
+
+
+# -- bound -----------------------------------------------------------------------------------------
+
+
+def exact_and_computed(seed):
+    """Return the Lagrangian bound at random prices in rational numbers, and the computed one."""
+    rng = np.random.default_rng(seed)
+    n, members, size = 5, (0, 2, 3), 10.0 ** rng.uniform(-3, 6)
+    costs = rng.uniform(0.1, 3, (n + 1, n + 1)) * (1 - np.eye(n + 1))
+    if seed % 2:
+        costs = costs + costs.T
+    demands = np.array([0, 1, 2, 1, 3, 2])
+    model = FleetRouting(
+        3, costs=costs, objective="sum", demands=demands, capacity=[5, 7, 7], use_all=False
+    )
+    network = Network(model, kinds_of(model))
+    network.near[:] = True
+    counts = tuple((float(rng.integers(2)), float(len(kind.vehicles))) for kind in network.kinds)
+    master = Master(network, False, np.array(counts), 2.0, np.full(n, np.inf))
+    tree = Tree(network, master, Request(), True)
+    cut = np.isin(np.arange(n + 1), [1, 2, 4])
+    cut_arcs = 0.5 * (cut[:, None] != cut)
+    row = master.add_arcs(cut_arcs, 2.0, np.inf)
+    memory = np.isin(np.arange(n), [*members, 4])
+    triple = master._row(-np.inf, 1.0)
+    master.triples.append((triple, members, memory))
+    duals = size * rng.normal(size=len(master.limits))
+    duals[row], duals[triple] = abs(duals[row]), -abs(duals[triple])
+    below = tree._price(Node(network.barred, frozenset(), counts), duals, True)[0]
+
+    pi = [Fraction(value) for value in duals.tolist()]
+    total = sum(pi[:n]) + 2 * pi[row] + pi[triple]
+    for k, (kind, (low, high)) in enumerate(zip(network.kinds, counts, strict=True)):
+        least = pi[n + k]  # the count's own price is an upper limit
+        for length in range(1, n + 1):
+            for route in itertools.permutations(range(n), length):
+                if demands[[node + 1 for node in route]].sum() > kind.capacity[0]:
+                    continue
+                tails, heads = [n, *route], [*route, n]
+                nodes = np.append(model.customers, 0)
+                reduced = sum(map(Fraction, costs[nodes[tails], nodes[heads]].tolist()))
+                reduced /= Fraction(network.unit)
+                reduced -= sum(pi[node] for node in route)
+                reduced -= Fraction(float(cut_arcs[tails, heads].sum())) * pi[row]
+                reduced -= visits_twice(route, members, memory) * pi[triple]
+                least = min(least, reduced)
+        total += least * int(low if least > 0 else high)
+    return total, below, size
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_bound_is_not_above_its_value_in_rational_numbers(seed):
+    exact, below, size = exact_and_computed(seed)
+    assert Fraction(below) <= exact
+    assert below == pytest.approx(float(exact), rel=0, abs=1e-11 * max(size, 1.0))
+
+
+def test_bound_without_its_margin_would_be_above(monkeypatch):
+    monkeypatch.setattr(route_tree, "EPSILON", 0.0)
+    results = [exact_and_computed(seed) for seed in range(12)]
+    assert any(Fraction(below) > exact for exact, below, _ in results)
+
+
+def test_large_whole_numbers_equal_subset_dp():
+    rng = np.random.default_rng(0)
+    costs = rng.integers(1, 2**35, (7, 7)) * (1 - np.eye(7))
+    model = FleetRouting(2, costs=costs, objective="sum", demands=np.ones(7), capacity=4)
+    settled(model, solved(model), ct.solve(model, "subset-dp").primal_bound)
+
+
+def test_an_edge_with_a_flow_above_one_is_no_branch():
+    """A cycle of two nodes with half a route: requiring its edge would not exclude it."""
+    model = FleetRouting(
+        2, points=[[0, 0], [1, 0], [1, 0.1], [5, 5]], objective="sum", use_all=False
+    )
+    network = Network(model, kinds_of(model))
+    network.near[:] = np.eye(3, dtype=bool)
+    master = Master(network, False, np.array([(0.0, 2.0)]), 2.0, np.full(3, np.inf))
+    for route in ((0, 1, 0, 1), (2,)):
+        master.add(0, route)
+    tree = Tree(network, master, Request(), True)
+    node = Node(network.barred, frozenset(), ((0.0, 2.0),))
+    assert tree.children(node, np.array([0.5, 1.0]))[0].counts == ((0.0, 1.0),)
+    assert tree._remember(np.array([0.5, 1.0]))
+    assert network.near[0, 1]
+
+
+# -- first plans -----------------------------------------------------------------------------------
+
+
+def timed_fleet():
+    """Return 15 nodes with windows and capacities."""
+    rng = np.random.default_rng(5)
+    begins = rng.uniform(0, 30, 16)
+    windows = [None, *((a, a + 15.0) for a in begins[1:])]
+    return FleetRouting(
+        6, points=10 * rng.random((16, 2)), objective="sum", windows=windows, service=np.ones(16),
+        demands=rng.integers(1, 4, 16), capacity=9,
+    )  # fmt: skip
+
+
+def test_insertion_gives_a_first_plan_without_other_packages(monkeypatch):
+    monkeypatch.setattr(column_generation.PyVrpRouting, "missing", lambda self: ("pyvrp",))
+    model = timed_fleet()
+    network = Network(model, kinds_of(model))
+    routes = insert_nodes(network, np.full(15, np.inf), True, lambda: False)
+    stops = [[int(model.customers[node]) for node in route] for _, route in routes]
+    assert model.verify(model.with_schedule(stops)).ok
+    assert insert_nodes(network, np.full(15, np.inf), True, lambda: True) == []
+    answer = solved(model, 10.0, branch=False)
+    assert answer.primal_bound <= model.verify(model.with_schedule(stops)).objective
+
+
+def test_insertion_skips_prizes_below_the_detour():
+    model = FleetRouting(1, points=[[0, 0], [1, 0], [9, 0]], objective="cost", prizes=[None, 3, 3])
+    network = Network(model, kinds_of(model))
+    routes = insert_nodes(network, np.array([3.0, 3.0]) / network.unit, True, lambda: False)
+    assert routes == [(0, (0,))]

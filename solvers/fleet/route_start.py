@@ -1,0 +1,60 @@
+"""First routes of column generation by cheapest insertion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .route_pricing import Network
+
+__all__ = ["insert_nodes"]
+
+
+def insert_nodes(
+    network: Network, prizes: NDArray[np.float64], priced: bool, stopped: Callable[[], bool]
+) -> list[tuple[int, tuple[int, ...]]]:
+    """Return routes by cheapest insertion: nodes whose windows end first, then distant ones.
+
+    Parameters
+    ----------
+    network : Network
+        The network.
+    prizes : ndarray, shape (n,)
+        Relative cost of a node that is not visited; infinite if it must be visited.
+    priced : bool
+        Whether the increase of the costs is minimised; otherwise the length of the route.
+    stopped : callable
+        Whether a stop is requested.
+
+    Returns
+    -------
+    list of (int, tuple of int)
+        Kind and nodes of each vehicle, idle ones included; empty after a stop, or if a node does not fit.
+    """
+    n, relative = network.size, network.costs if priced else network.lengths
+    routes = [(k, tuple[int, ...]()) for k, kind in enumerate(network.kinds) for _ in kind.vehicles]
+    ends = [network.window(int(node))[1] for node in network.model.customers]
+
+    def total(k: int, route: tuple[int, ...]) -> float:
+        return float(relative[k, [n, *route], [*route, n]].sum()) if route else 0.0
+
+    for node in sorted(range(n), key=lambda i: (ends[i], -network.lengths[0, n, i])):
+        least, chosen = float(prizes[node]), None
+        for r, (k, route) in enumerate(routes):
+            if stopped():
+                return []
+            if not route and (k, route) in routes[:r]:
+                continue  # like an earlier vehicle
+            before = total(k, route) if priced else 0.0
+            for place in range(len(route) + 1):
+                trial = (*route[:place], node, *route[place:])
+                cost = total(k, trial) - before
+                if cost < least and network.fits(k, trial):
+                    least, chosen = cost, (r, (k, trial))
+        if chosen is not None:
+            routes[chosen[0]] = chosen[1]
+        elif np.isinf(prizes[node]):
+            return []
+    return routes
