@@ -425,6 +425,11 @@ class Model(Declared, ABC, Generic[PlanT]):
         return ""
 
     @property
+    def has_program(self) -> bool:
+        """Whether a formulation covers this instance; otherwise ``"auto"`` selects a native backend."""
+        return True
+
+    @property
     def prefers_native(self) -> bool:
         """Whether this instance is too large for program solvers.
 

@@ -180,10 +180,13 @@ class FleetRouting(RichData):
         return "two-index" if covered else self.default_formulation
 
     @property
+    def has_program(self) -> bool:
+        """False for rich fleets, whose features no formulation covers."""
+        return not self.is_rich
+
+    @property
     def prefers_native(self) -> bool:
-        """Whether a native algorithm is preferred: rich fleets, and more than 100 nodes, or 12 with balance."""
-        if self.is_rich:
-            return True  # no program covers their features
+        """Whether a native algorithm is preferred: for more than 100 nodes, or 12 with balance."""
         limit = SUM_NODES if self.preferred_formulation == "two-index" else BALANCE_NODES
         return len(self.customers) > limit
 

@@ -260,7 +260,7 @@ class Backend(ABC):
         Whether it receives the hidden data of a model. Such a backend is a reference for the others,
         and ``"auto"`` never selects it.
     is_automatic : bool
-        Whether ``"auto"`` may select it.
+        Whether ``"auto"`` may select it although other backends accept the model.
     conflict_group : str
         Group of backends whose native libraries break each other in one process if their
         :attr:`natives` differ; empty if no conflict is known.

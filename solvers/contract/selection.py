@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from ...errors import BackendBroken, UnsupportedFormulation
+from ...errors import BackendBroken, BackendMissing, UnsupportedFormulation
 from ...models.model import Model
 from ...models.problems import PROBLEMS, problem_of
 from .backend import PROVING, Backend, Feature, Guarantee
@@ -118,7 +118,8 @@ def _takers(model: Model[Any], formulation: str | None) -> Iterator[tuple[Backen
         step = accepted(model, backend, formulation)
         if step is None or backend.sees_hidden:
             continue
-        if formulation is None and isinstance(step, backend.accepts) and backend.refuses(step):
+        is_native = isinstance(step, backend.accepts)
+        if formulation is None and (backend.refuses(step) if is_native else not step.has_program):
             continue
         yield backend, step
 
@@ -136,10 +137,12 @@ def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
     """Return the backend that ``"auto"`` selects for `model`.
 
     That is the model's preferred backend, else the first installed exact backend, else one that finds
-    plans and proves bounds, else the one with the best guarantee. It raises
-    :class:`UnsupportedFormulation` if no installed backend accepts the model.
+    plans and proves bounds, else the one with the best guarantee. A backend that is not automatic comes
+    last. It raises :class:`UnsupportedFormulation` if no installed backend accepts the model; the message
+    names backends that can be installed, or the reasons of those of the problem.
     """
     best: Backend | None = None
+    last: Backend | None = None
     order = [Guarantee.LOCAL, Guarantee.HEURISTIC, Guarantee.RELAXATION]
 
     def rank(candidate: Backend) -> int:
@@ -153,15 +156,35 @@ def recommended(model: Model[Any], formulation: str | None = None) -> Backend:
                 return backend
     for backend, step in _takers(model, formulation):
         program = formulation is None and not isinstance(step, backend.accepts)
-        if (program and best is not None and step.prefers_native) or not backend.is_automatic:
+        if program and best is not None and step.prefers_native:
+            continue
+        if not backend.is_automatic:
+            last = last or backend
             continue
         if backend.guarantee is Guarantee.EXACT:
             return backend
         if best is None or rank(backend) < rank(best):
             best = backend
+    best = best or last
     if best is None:
         what = f"formulation {formulation!r} of " if formulation else ""
         text = f"no installed backend accepts {what}model {model.kind!r}"
-        more = integral_solvers(model)
+        more = integral_solvers(model) or ("" if formulation else _alternatives(model))
         raise UnsupportedFormulation(": ".join(part for part in (text, more) if part))
     return best
+
+
+def _alternatives(model: Model[Any]) -> str:
+    """Return how to install backends that can solve `model`; without any, why those of its problem cannot."""
+    reasons = []
+    for declared, reason in refusals(model):
+        if not reason:
+            try:
+                declared.load().require()
+            except BackendMissing as error:
+                return str(error)
+            except BackendBroken:
+                continue
+        elif declared.problem:
+            reasons.append(f"{declared.name!r} does not cover {reason}")
+    return "; ".join(reasons)

@@ -23,7 +23,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.fleet import FleetPlan, FleetRouting, Objective
 from ...models.fleet.checks import LIMITS
@@ -101,8 +100,7 @@ class ColumnGeneration(FleetBackend):
 
     def run(self, problem: FleetRouting, request: Request) -> Answer:
         """Solve the model to proven optimality or until a stop."""
-        if reason := self.refuses(problem):
-            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {reason}")
+        self.require_support(problem)
         begin = clock()
         search = _Search(problem, request)
         search.solve()

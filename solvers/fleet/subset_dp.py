@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import UnsupportedFormulation
 from ...jit import clock, kernel
 from ...models.fleet.checks import LIMITS, loads_of, objective_of
 from ...models.fleet.data import LEXICOGRAPHIC, Deviation, FleetData, Objective
@@ -62,21 +61,20 @@ class SubsetDP(FleetBackend):
     def refuses(self, problem: Any) -> str:
         """Return the reason for refusal, "" for a supported model: features, size, or a detour may pay."""
         if reason := super().refuses(problem):
-            return f"it does not take {reason}"
+            return reason
         size, vehicles = len(problem.customers), problem.vehicles
         if max(size, vehicles) > MOST:
-            return f"it takes at most {MOST} nodes and vehicles, got {size} and {vehicles}"
+            return f"more than {MOST} nodes or vehicles, got {size} and {vehicles}"
         for rule in LIMITS:
             if rule.field in problem.limits and not rule.monotone:
-                return f"it does not take {rule.field}, for which a detour may pay"
+                return f"{rule.field}, for which a detour may pay"
         squared = problem.objective is Objective.VARIANCE and problem.q > 0
         if squared or problem.objective is Objective.RANGE:
-            name = str(problem.objective)
-            return f"it does not take the objective {name!r}, for which a detour may pay"
+            return f"the objective {str(problem.objective)!r}, for which a detour may pay"
         largest = math.sqrt(_share(problem) * vehicles / max(vehicles - 1, 0.5))
         if problem.q > largest and vehicles > 1:
             return (
-                f"it takes q up to {largest:.6g}, beyond which a detour may pay, got {problem.q:g}"
+                f"q = {problem.q:g}: it takes q up to {largest:.6g}, beyond which a detour may pay"
             )
         return ""
 
@@ -86,9 +84,7 @@ class SubsetDP(FleetBackend):
 
     def run(self, problem: FleetRouting, request: Request) -> Answer:
         """Solve the model to proven optimality or until a stop."""
-        reason = self.refuses(problem)
-        if reason:
-            raise UnsupportedFormulation(f"backend {self.name!r}: {reason}")
+        self.require_support(problem)
         begin = clock()
         search = _Search(problem, request)
         search.solve()

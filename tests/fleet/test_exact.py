@@ -153,9 +153,9 @@ def test_subset_dp_refuses_models_in_which_a_detour_pays():
     for more in (*refused, {"deviation_limit": 1.0}, {"range_limit": 1.0}):
         with pytest.raises(UnsupportedFormulation, match="a detour may pay"):
             ct.solve(FleetRouting(2, points=points, **more), "subset-dp")
-    with pytest.raises(UnsupportedFormulation, match="at most 15 nodes and vehicles, got 16"):
+    with pytest.raises(UnsupportedFormulation, match="more than 15 nodes or vehicles, got 16"):
         ct.solve(generate(16, 2, 1), "subset-dp")
-    with pytest.raises(UnsupportedFormulation, match="at most 15 nodes and vehicles"):
+    with pytest.raises(UnsupportedFormulation, match="more than 15 nodes or vehicles"):
         ct.solve(generate(3, 16, 1, use_all=False), "subset-dp")
 
 

@@ -285,6 +285,47 @@ def test_a_route_needs_as_many_copies_as_visits() -> None:
     assert posed.places_of([[1, 0, 2, 0, 3]]) is None
 
 
+@pytest.fixture
+def bare(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hide PyVRP and OR-Tools."""
+    for name, package in PACKAGES.items():
+        monkeypatch.setattr(type(find_backend(name)), "missing", lambda self, it=package: (it,))
+
+
+@pytest.mark.usefixtures("bare")
+def test_auto_selects_column_generation_without_other_packages() -> None:
+    model = FleetRouting(2, points=SQUARE, objective="sum", service=np.ones(4))
+    answer = ct.solve(model, time_limit=20.0)
+    assert (answer.backend, answer.termination) == ("column-generation", "optimal")
+
+
+@pytest.mark.usefixtures("bare")
+@pytest.mark.parametrize(
+    ("fields", "text"),
+    [
+        ({"releases": [0, 1, 2, 3]}, r"needs pyvrp: pip install 'crosstrack\[routing\]'"),
+        ({"objective": "makespan"}, r"needs ortools: pip install 'crosstrack\[ortools\]'"),
+        (
+            {"stations": [3], "battery": 9.0, "objective": "range", "deviation_limit": 1.0, "windows": [(0, 9), None, None, None]},
+            "needs ortools",
+        ),
+    ],
+)  # fmt: skip
+def test_auto_names_the_package_of_a_backend_for_a_rich_fleet(fields: Any, text: str) -> None:
+    model = FleetRouting(2, points=SQUARE, **{"objective": "sum"} | fields)
+    with pytest.raises(UnsupportedFormulation, match=text):
+        ct.solve(model)
+
+
+def test_auto_names_what_each_backend_lacks() -> None:
+    model = FleetRouting(
+        2, points=SQUARE, objective="makespan", windows=[(0, 1), None, None, None], releases=[0, 1, 2, 3]
+    )  # fmt: skip
+    reasons = ["'subset-dp' does not cover windows", "'pyvrp' does not cover makespan", "releases"]
+    with pytest.raises(UnsupportedFormulation, match=".*".join(reasons)):
+        ct.solve(model)
+
+
 def test_auto_prefers_pyvrp_and_falls_back_to_ortools() -> None:
     need("pyvrp")
     need("ortools-routing")
