@@ -7,7 +7,9 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
+from ...jit import clock
 from ...models.fleet import FleetRouting, Objective
+from ...models.fleet.checks import LIMITS
 from ..contract.backend import Option, Request
 from .pyvrp_data import Found, Posed, Unreachable
 from .rivals import Best, FleetHeuristic
@@ -19,6 +21,8 @@ __all__ = ["PyVrpRouting"]
 MOST = 5000
 #: Initial and minimum relative reduction of the longest route.
 STEP, LEAST = 0.1, 1e-4
+#: Time between two incumbents in a search with a time limit, as a multiple of the time to check one.
+SPACING = 20.0
 
 
 class PyVrpRouting(FleetHeuristic):
@@ -74,12 +78,17 @@ class PyVrpRouting(FleetHeuristic):
         endless = request.time_limit is not None
         patience, seed = request.options["patience"], request.seed or 0
         counts = {"searches": 1, "iterations": 0}
+        # With further limits, or another objective, an earlier plan may be better than the last one.
+        checked = [
+            rule for rule in LIMITS if rule.field != "battery" and rule.field in best.problem.limits
+        ]
+        spacing = SPACING if endless and not limited and not checked else 0.0
 
         def look(limit: float, start: Found | None, patience: float, first: bool) -> Found | None:
             """Return feasible routes of length <= `limit`: the first, or the best within `patience`."""
             solution, iterations = _search(
                 posed, limit, start, seed + counts["searches"] - 1, best.offer_filled,
-                lambda: request.control.stopped, patience, first,
+                lambda: request.control.stopped, patience, first, spacing,
             )  # fmt: skip
             counts["iterations"] += iterations
             return solution
@@ -128,9 +137,9 @@ def _refuses_rich(model: FleetRouting) -> str:
 
 def _search(
     posed: Posed, limit: float, start: Found | None, seed: int, tell: Callable[[list[list[int]]], object],
-    stopped: Callable[[], bool], patience: float, first: bool,
+    stopped: Callable[[], bool], patience: float, first: bool, spacing: float,
 ) -> tuple[Found | None, int]:  # fmt: skip
-    """Return the best feasible routes or None, and the number of iterations."""
+    """Return the best feasible routes or None, and the number of iterations; `tell` receives better routes."""
     from pyvrp import (
         IteratedLocalSearchParams,
         PenaltyParams,
@@ -144,19 +153,31 @@ def _search(
 
     data = posed.data(limit)
     outcome: list[Found] = []
-    since = 0
+    newest: Any = None  # best solution, not passed to `tell` yet
+    since, ready = 0, 0.0
+
+    def flush() -> None:
+        nonlocal newest, ready
+        begin = clock()
+        outcome[:] = [posed.read(newest)]
+        newest = None
+        tell(outcome[0].routes)
+        ready = clock() + spacing * (clock() - begin)
 
     class Listener(IteratedLocalSearchCallbacks):
         def on_best(self, best: Any) -> None:
-            nonlocal since
+            nonlocal since, newest
             since = 0
             if best.is_feasible():
-                outcome.append(posed.read(best))
-                tell(outcome[-1].routes)
+                newest = best
+                if clock() >= ready:
+                    flush()
 
     def over(best_cost: int) -> bool:
         nonlocal since
         since += 1
+        if newest is not None and clock() >= ready and not stopped():
+            flush()
         return stopped() or since > patience + 1 or (first and bool(outcome))
 
     initial = None
@@ -177,6 +198,7 @@ def _search(
             initial_solution=initial,
         )
     if result.is_feasible() and not outcome:  # the initial solution was never improved
-        outcome.append(posed.read(result.best))
-        tell(outcome[-1].routes)
-    return (outcome[-1] if outcome else None), result.num_iterations
+        newest = result.best
+    if newest is not None:
+        flush()
+    return (outcome[0] if outcome else None), result.num_iterations

@@ -15,8 +15,10 @@ from crosstrack.models import FleetRouting
 from crosstrack.solvers import Termination
 from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.contract.selection import recommended
+from crosstrack.solvers.fleet import pyvrp_routing
 from crosstrack.solvers.fleet.ortools_data import Posed as OrToolsPosed
 from crosstrack.solvers.fleet.pyvrp_data import Posed
+from crosstrack.solvers.fleet.rivals import Best
 from crosstrack.solvers.fleet.whole import round_down, round_up, scales_of, whole_loads, whole_spans
 
 from .rich_oracle import enumerate_best, random_rich, reject
@@ -333,3 +335,22 @@ def test_auto_prefers_pyvrp_and_falls_back_to_ortools() -> None:
     for objective, name in (("cost", "pyvrp"), ("makespan", "ortools-routing")):
         assert recommended(FleetRouting(2, objective=objective, **fields)).name == name
     assert ct.solve(FleetRouting(2, objective="cost", **fields), time_limit=1.0).verification.ok
+
+
+def test_pyvrp_checks_only_some_of_its_plans_with_a_time_limit(monkeypatch: Any) -> None:
+    """The last plan is always offered, and with further limits each of them."""
+    need("pyvrp")
+    monkeypatch.setattr(pyvrp_routing, "SPACING", 1e9)
+    offers: list[Any] = []
+    offer = Best.offer_filled
+    monkeypatch.setattr(
+        Best, "offer_filled", lambda self, routes: (offers.append(routes), offer(self, routes))[1]
+    )
+    points = np.random.default_rng(0).random((60, 2))
+    fields: dict[str, Any] = {"points": points, "objective": "sum", "service": np.ones(60)}
+    answer = solved(FleetRouting(3, **fields), "pyvrp", time_limit=1.5)
+    assert 1 <= len(offers) <= 2
+    assert [list(route) for route in answer.plan.routes] == offers[-1]
+    offers.clear()
+    solved(FleetRouting(3, **fields, deviation_limit=50.0), "pyvrp", time_limit=1.5)
+    assert len(offers) > 2
