@@ -185,6 +185,7 @@ class Posed:
         windows = [whole_spans(model, node, scales) for node in self.places]
         shifts = [whole_shift(model, k, scales) for k in range(model.vehicles)]
         begins = [begin for spans in [*windows, shifts] for begin, _ in spans]
+        begins += [scales.release(model, node) for node in self.customers]
         horizon = max(begins) + step * (len(self.places) + 1)
         limits = [horizon] * model.vehicles
         time = self._dimension(
@@ -192,6 +193,8 @@ class Posed:
         )
         for index, place in self.inner.items():
             _restrict(time.CumulVar(index), windows[place])
+        if model.releases is not None:
+            self._declare_releases(time, horizon)
         durations = [FOREVER] * model.vehicles
         if model.max_duration is not None:
             durations = round_down(model.max_duration, scales.time).tolist()
@@ -205,11 +208,22 @@ class Posed:
                 moment.SetRange(early, late)
             time.SetSpanUpperBoundForVehicle(min(durations[k], horizon), k)
             time.SetSpanCostCoefficientForVehicle(scales.rates[k], k)
-            if model.objective is Objective.MAKESPAN and model.max_duration is None:
+            free = model.max_duration is not None or model.releases is not None
+            if model.objective is Objective.MAKESPAN and not free:
                 start.SetValue(start.Min())  # so that the span ends with the makespan
             routing.AddVariableMinimizedByFinalizer(end)
             routing.AddVariableMaximizedByFinalizer(start)
         time.SetGlobalSpanCostCoefficient(SPAN if model.objective is Objective.MAKESPAN else 0)
+
+    def _declare_releases(self, time: Any, horizon: int) -> None:
+        """Require each route to depart after the releases of its nodes, by a level that is constant along it."""
+        none = np.zeros(len(self.places), np.int64)
+        level = self._dimension("release", none, 0, [horizon] * self.model.vehicles, False)
+        for index, place in self.inner.items():
+            if place not in self.stations:
+                level.CumulVar(index).SetMin(self.scales.release(self.model, self.places[place]))
+        for start in self.starts:
+            self.solver.Add(level.CumulVar(start) <= time.CumulVar(start))
 
     def _declare_loads(self) -> None:
         model = self.model

@@ -27,10 +27,10 @@ class OrToolsRouting(FleetHeuristic):
     unless the objective is "sum", 100 times the longest (q times for "sum-deviation"). The answer is
     the best plan by the model's objective among all solutions. If every vehicle must be used, the
     search starts from a solution whose empty vehicles receive the nodes that are cheapest to move.
-    Capacity, battery, times and the features of rich fleets, except releases, are dimensions,
-    disjunctions and constraints of the library. Each reload and station has copies: one per node to visit in small fleets, two per
-    vehicle in large ones. Limits on the sum, the deviation and the range are checked but do not guide the
-    search, and neither do departures later than the shift for the makespan with a limit on durations.
+    Capacity, battery, times and the features of rich fleets are dimensions, disjunctions and
+    constraints of the library. Each reload and station has copies: one per node to visit in small fleets,
+    two per vehicle in large ones. Limits on the sum, the deviation and the range are checked but do not guide the
+    search, and for the makespan neither do departures later than the shift, with a limit on durations or releases.
     """
 
     name = "ortools-routing"
@@ -42,7 +42,7 @@ class OrToolsRouting(FleetHeuristic):
     # OR-Tools loads its bundled libhighs.so.1: see MathOpt.
     conflict_group = "highs"
     natives = ORTOOLS_MARKS
-    rich = COMMON - {"releases"} | {"stations", "makespan"}
+    rich = COMMON | {"stations", "makespan"}
     options: ClassVar[Mapping[str, Option]] = {
         "seconds": Option(10.0, "Search time without a time limit, s.", lower=0.01),
         "solutions": Option(None, "Number of solutions after which the search ends.", int, lower=1),
@@ -56,9 +56,11 @@ class OrToolsRouting(FleetHeuristic):
     summary = "OR-Tools' routing library with guided local search"
 
     def refuses(self, problem: FleetRouting) -> str:
-        """Return the reason for refusal, "" for a supported model: a feature, or too many nodes."""
+        """Return the reason for refusal, "" for a supported model: features, or too many nodes."""
         if reason := super().refuses(problem):
             return reason
+        if problem.releases is not None and problem.reloads:
+            return "releases with reloads"
         if problem.size > MOST:
             return f"more than {MOST} nodes, got {problem.size}"
         return ""

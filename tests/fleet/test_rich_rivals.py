@@ -104,7 +104,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
         {"pickups": [0, 1, 0, 0], "capacity": 3, "pairs": [(1, 2)], "groups": [(2, 3)]},
         "groups with nodes of a pair",
     ),
-    ("ortools-routing", {"releases": [0, 1, 0, 0]}, "releases"),
+    ("ortools-routing", {"releases": [0, 1, 0, 0], "reloads": [0]}, "releases with reloads"),
 ]  # fmt: skip
 
 
@@ -320,10 +320,13 @@ def test_auto_names_the_package_of_a_backend_for_a_rich_fleet(fields: Any, text:
 
 
 def test_auto_names_what_each_backend_lacks() -> None:
-    model = FleetRouting(
-        2, points=SQUARE, objective="makespan", windows=[(0, 1), None, None, None], releases=[0, 1, 2, 3]
-    )  # fmt: skip
-    reasons = ["'subset-dp' does not cover windows", "'pyvrp' does not cover makespan", "releases"]
+    points = np.random.default_rng(0).random((3001, 2))
+    model = FleetRouting(2, points=points, objective="makespan")
+    reasons = [
+        "'subset-dp' does not cover",
+        "'pyvrp' does not cover makespan",
+        "more than 3000 nodes",
+    ]
     with pytest.raises(UnsupportedFormulation, match=".*".join(reasons)):
         ct.solve(model)
 
@@ -354,3 +357,16 @@ def test_pyvrp_checks_only_some_of_its_plans_with_a_time_limit(monkeypatch: Any)
     offers.clear()
     solved(FleetRouting(3, **fields, deviation_limit=50.0), "pyvrp", time_limit=1.5)
     assert len(offers) > 2
+
+
+def test_ortools_departs_after_the_releases_of_each_route() -> None:
+    """The other two nodes are released after the window of node 1 has ended."""
+    need("ortools-routing")
+    fields: dict[str, Any] = {
+        "points": [[0, 0], [3, 0], [0, 3], [0, 2]], "objective": "sum", "releases": [0, 0, 30, 20],
+        "windows": [None, (0, 4), (0, 90), (0, 90)],
+    }  # fmt: skip
+    answer = solved(FleetRouting(2, **fields), "ortools-routing")
+    assert answer.verification.ok
+    assert answer.verification.objective == 12.0
+    assert solved(FleetRouting(1, **fields), "ortools-routing").plan is None
