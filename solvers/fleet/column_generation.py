@@ -299,7 +299,9 @@ class _Search:
         if not self.request.options.get("cuts", True):
             return 0
         count = self.master.cut_capacity(values)
-        return count + self.master.cut_triples(values) if both or not count else count
+        if both or not count:
+            count += self.master.cut_triples(values, lambda: self.control.stopped)
+        return count
 
     def _bisect(self) -> Relaxed:
         """Find the largest T that the linear program refutes, and report it as the bound."""

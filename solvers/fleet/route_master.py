@@ -314,8 +314,8 @@ class Master:
             self.add_arcs(0.5 * (members[:, None] != members), float(need), math.inf)
         return len(worst)
 
-    def cut_triples(self, values: Floats) -> int:
-        """Add violated subset-row cuts of three nodes; return their number.
+    def cut_triples(self, values: Floats, stopped: Callable[[], bool]) -> int:
+        """Add violated subset-row cuts of three nodes; return their number, 0 after a stop.
 
         The memory of a cut contains the nodes that the routes in use visit between its members.
         """
@@ -332,6 +332,8 @@ class Master:
         known = {members for _, members, _ in self.triples}
         entries = []
         for i in range(n - 2):
+            if stopped():
+                return 0
             with_i = (visits * visits[:, i, None]).T @ weighted
             total = pairs[i] + pairs[i][:, None] + pairs - 2.0 * with_i
             total[: i + 1] = 0.0

@@ -112,7 +112,7 @@ class Tree:
                 return Relaxed(0.0, value, values)
             mixed = 0.0 if center is None else SMOOTH
             while True:
-                prices = mixed * _wide(center, duals) + (1.0 - mixed) * duals if mixed else duals
+                prices = duals if center is None else mixed * center + (1.0 - mixed) * duals
                 below, added = self._price(node, prices, exact)
                 if center is None or below > guide:
                     center, guide = prices, below
@@ -241,9 +241,3 @@ def _remembers(route: tuple[int, ...], near: Mask) -> bool:
         seen &= near[stop]
         seen[stop] = True
     return True
-
-
-def _wide(center: Floats | None, duals: Floats) -> Floats:
-    """Return the prices `center` with zeros for the rows added since."""
-    assert center is not None
-    return np.concatenate([center, np.zeros(duals.size - center.size)])

@@ -322,6 +322,19 @@ def test_an_edge_with_a_flow_above_one_is_no_branch():
     assert network.near[0, 1]
 
 
+def test_subset_row_cuts_of_three_half_routes_and_a_stop():
+    points = [[0, 0], [1, 0], [0, 1], [1, 1]]
+    model = FleetRouting(3, points=points, objective="sum", use_all=False)
+    network = Network(model, kinds_of(model))
+    master = Master(network, False, np.array([(0.0, 3.0)]), 2.0, np.full(3, np.inf))
+    for route in ((0, 1), (1, 2), (0, 2)):
+        master.add(0, route)
+    assert master.cut_triples(np.full(3, 0.5), lambda: True) == 0
+    assert master.cut_triples(np.full(3, 0.5), lambda: False) == 1
+    lacking = master.solve(None)[3]
+    assert lacking == pytest.approx(1.0)  # one route of two nodes remains
+
+
 # -- first plans -----------------------------------------------------------------------------------
 
 
