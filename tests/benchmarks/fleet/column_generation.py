@@ -53,26 +53,12 @@ def read(row: str) -> FleetRouting:
 
 def solomon(path: Path, customers: int, vehicles: int) -> FleetRouting:
     """Return the first customers of a file with windows; distances have one decimal, cut off."""
-    sections: dict[str, list[list[float]]] = {}
-    name, service, capacity = "", 0.0, 0.0
-    for line in path.read_text().splitlines():
-        if line.startswith("SERVICE_TIME"):
-            service = float(line.split(":")[1])
-        elif line.startswith("CAPACITY"):
-            capacity = float(line.split(":")[1])
-        elif line.endswith("SECTION"):
-            name = line
-            sections[name] = []
-        elif name and line[:1].isdigit():
-            sections[name].append([float(entry) for entry in line.split()[1:]])
-    points = np.array(sections["NODE_COORD_SECTION"][: customers + 1])
-    costs = np.floor(10 * np.hypot(*(points[:, None] - points).transpose(2, 0, 1))) / 10
-    seconds = np.full(customers + 1, service)
-    seconds[0] = 0.0
-    windows = [[tuple(w)] for w in sections["TIME_WINDOW_SECTION"][: customers + 1]]
-    demands = np.array(sections["DEMAND_SECTION"][: customers + 1])[:, 0]
-    return FleetRouting(vehicles, costs=costs, times=costs, service=seconds, windows=windows,
-                        demands=demands, capacity=capacity, objective="sum")  # fmt: skip
+    model, n = read_vrplib(path, vehicles, decimals=1), customers + 1
+    assert model.demands is not None and model.service is not None and model.windows is not None
+    return FleetRouting(
+        vehicles, costs=model.distances[:n, :n], service=model.service[:n], windows=model.windows[:n],
+        demands=model.demands[:n], capacity=model.capacity, objective="sum",
+    )  # fmt: skip
 
 
 def column_generation(model: FleetRouting, seconds: float, warm: FleetPlan | None) -> Any:
