@@ -431,10 +431,7 @@ class Model(Declared, ABC, Generic[PlanT]):
 
     @property
     def prefers_native(self) -> bool:
-        """Whether this instance is too large for program solvers.
-
-        ``"auto"`` then chooses a native backend if there is one.
-        """
+        """Whether it is too large for program solvers: ``"auto"`` then prefers a native backend."""
         return False
 
     def formulate(self, name: str | None = None, **options: Any) -> Any:
