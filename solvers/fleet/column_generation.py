@@ -295,13 +295,13 @@ class _Search:
                 return relaxed
 
     def _cut(self, values: Floats, both: bool = False) -> int:
-        """Add violated capacity cuts, and subset-row cuts as well if `both` or without the former."""
+        """Add violated capacity cuts, with `both` or without them subset-row cuts, else enlarge ng-sets."""
         if not self.request.options.get("cuts", True):
             return 0
         count = self.master.cut_capacity(values)
         if both or not count:
             count += self.master.cut_triples(values, lambda: self.control.stopped)
-        return count
+        return count or int(self.tree.remember(values))
 
     def _bisect(self) -> Relaxed:
         """Find the largest T that the linear program refutes, and report it as the bound."""

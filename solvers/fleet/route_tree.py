@@ -198,7 +198,7 @@ class Tree:
             others = [other for other in range(len(network.kinds)) if other != k]
             only[others, i] = only[others, :, i] = True
             return [replace(node, forbidden=without), replace(node, forbidden=only)]
-        if not self._remember(values):
+        if not self.remember(values):
             raise Stopped
         return [node]
 
@@ -216,7 +216,7 @@ class Tree:
         required = node.required | {(i, j)}
         return [replace(node, forbidden=forbidden), replace(node, required=required)]
 
-    def _remember(self, values: Floats) -> bool:
+    def remember(self, values: Floats) -> bool:
         """Enlarge the ng-sets so that they exclude the cycles of a solution; return whether it has one."""
         changed = False
         for k in np.flatnonzero(values > 0.0):

@@ -318,7 +318,7 @@ def test_an_edge_with_a_flow_above_one_is_no_branch():
     tree = Tree(network, master, Request(), True)
     node = Node(network.barred, frozenset(), ((0.0, 2.0),))
     assert tree.children(node, np.array([0.5, 1.0]))[0].counts == ((0.0, 1.0),)
-    assert tree._remember(np.array([0.5, 1.0]))
+    assert tree.remember(np.array([0.5, 1.0]))
     assert network.near[0, 1]
 
 
