@@ -217,7 +217,11 @@ class Tree:
         return [replace(node, forbidden=forbidden), replace(node, required=required)]
 
     def remember(self, values: Floats) -> bool:
-        """Enlarge the ng-sets so that they exclude the cycles of a solution; return whether it has one."""
+        """Enlarge the ng-sets so that they exclude the cycles of a solution; return whether it has one.
+
+        Source: R. Roberti and A. Mingozzi, "Dynamic ng-path relaxation for the delivery man problem",
+        Transportation Science 48, 2014.
+        """
         changed = False
         for k in np.flatnonzero(values > 0.0):
             route = self.master.columns[k].route
