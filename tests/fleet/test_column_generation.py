@@ -196,7 +196,7 @@ def test_reports_incumbents_and_bounds():
     assert result.verification.ok
 
 
-def test_is_never_selected_automatically():
+def test_auto_prefers_other_backends():
     model = FleetRouting(3, points=np.random.default_rng(0).random((30, 2)), objective="max")
     assert ct.solve(model, time_limit=0.2).backend != "column-generation"
 
