@@ -214,7 +214,8 @@ def _backhauls(model: RichData, plan: FleetPlan) -> Iterator[str]:
 
     back = positive(model.pickups) & ~positive(model.demands)
     for k, route in enumerate(plan.routes):
-        for trip in split_trips(model, route):
+        for stops in split_trips(model, route):
+            trip = [node for node in stops if model.is_customer[node]]  # without stations
             for place, node in enumerate(trip):
                 if back[node] and (place == 0 or not back[trip[place + 1 :]].all()):
                     yield f"vehicle {k}, node {model.label(node)}"
@@ -292,13 +293,16 @@ RICH_CHECKS = (
 def rich_checks(model: RichData, plan: FleetPlan, tolerance: float) -> list[Check]:
     """Return the checks of the rules of a rich `model`; `plan` has one route per vehicle.
 
-    The tolerance of a time is relative to its limit.
+    The tolerance of a time is relative to its limit, and to the time between the first departure and the
+    last return if that is shorter, so that it does not depend on the origin of the times.
     """
     checks, untimed = [], []
     if model.has_times:
         untimed = missing_times(plan)
         checks.append(Check.count("times of each route", untimed))
-    latest = max((abs(times[-1]) for times in plan.starts or () if times), default=0.0)
+    times = [time for row in plan.starts or () for time in row]
+    horizon = max(times, default=0.0) - min(times, default=0.0)
+    rounding = 1e-12 * max(map(abs, times), default=0.0)
     for name, attribute, unit, rule in RICH_CHECKS:
         value = getattr(model, attribute)
         if value is None or value is False or (untimed and unit):
@@ -311,11 +315,10 @@ def rich_checks(model: RichData, plan: FleetPlan, tolerance: float) -> list[Chec
             continue
         columns = (np.array(column, float) for column in list(zip(*values, strict=True))[:3])
         value, limits, scales = columns
-        noise = 1e-12 * latest if unit else 0.0  # rounding of the times
         checks.append(
             Check.within(
                 name, value, limits, unit, lambda i, rows=values: rows[i].where, tolerance,
-                scale=scales, noise=noise,
+                scale=np.minimum(scales, horizon) if unit else scales, noise=rounding if unit else 0.0,
             )
         )  # fmt: skip
     return checks

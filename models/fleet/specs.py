@@ -33,7 +33,10 @@ class EachVehicle(Array):
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
         array = self._numbers(name, value)
         if array.ndim == 0:
-            array = np.full(sizes["vehicles"][0], Real(self.lower).coerce(name, value, {}))
+            number = float(array)
+            if not (self.infinity and number == self.infinity * math.inf):
+                number = Real(self.lower).coerce(name, value, {})
+            array = np.full(sizes["vehicles"][0], number)
         return super().coerce(name, array, sizes)
 
 

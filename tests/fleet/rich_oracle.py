@@ -93,7 +93,7 @@ def static_faults(model, raw, k, route):
         if model.backhauls:
             kinds = [
                 "back" if raw["pickup"][x].any() and not raw["demand"][x].any() else "line"
-                for x in trip
+                for x in work
             ]
             if kinds != sorted(kinds, reverse=True) or (kinds and kinds[0] == "back"):
                 faults.append("backhauls")
@@ -156,7 +156,7 @@ def reject(model, plan, tolerance=1e-6):
 
 def _time_faults(model, raw, k, route, times, tolerance):
     faults = []
-    span = tolerance * max(1e-3, *map(abs, times))
+    span = tolerance * max(1e-3, max(times) - min(times))
     begin, end = (0.0, math.inf) if model.shifts is None else model.shifts[k]
     if times[0] < begin - span or times[-1] > end + span:
         faults.append("shift")

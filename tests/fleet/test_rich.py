@@ -259,6 +259,34 @@ def test_bad_data(data, message):
     assert caught.value.field
 
 
+@pytest.mark.parametrize("origin", [-1.7e9, 0.0, 1.7e9])
+def test_tolerances_do_not_depend_on_the_origin_of_the_times(origin):
+    """With times since 1970, a relative tolerance of 1e-6 would be half an hour."""
+    model = timed(
+        windows=[None, (origin, origin + 10), None, None], releases=[origin - 3] * 4,
+        shifts=[origin - 3, origin + 60],
+    )  # fmt: skip
+    plan = model.with_schedule([[1, 2, 3], []])
+    assert model.verify(plan).ok
+    for place, moved, name in (
+        (1, 20.0, "service within a window"),
+        (2, -1.0, "travel and service take their time"),
+        (4, 70.0, "route within shift"),
+        (0, -1.0, "route within shift"),
+    ):
+        times = [time + moved * (k >= place or place == 0) for k, time in enumerate(plan.starts[0])]
+        verified = model.verify(FleetPlan(plan.routes, [times, []]))
+        assert name in [check.name for check in verified.violated]
+
+
+def test_one_infinite_number_applies_to_all_vehicles():
+    assert timed(max_duration=math.inf).max_duration.tolist() == [math.inf] * 2
+    with pytest.raises(InvalidData, match="max_duration must be finite"):
+        timed(max_duration=-math.inf)
+    with pytest.raises(InvalidData, match="time_cost must be finite"):
+        FleetRouting(2, points=LINE, objective="cost", time_cost=math.inf)
+
+
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e7])
 def test_scales_do_not_change_the_result(scale):
     for seed in range(40):

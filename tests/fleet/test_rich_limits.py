@@ -203,6 +203,8 @@ FAULTS = {
         (with_loads(backhauls=True), [[1, 2, 3], []], [[2, 1, 3], []], "vehicle 0, node 2"),
         (with_loads(backhauls=True), [[1, 3, 2], []], [[1, 2], [3]], "vehicle 1, node 3"),
         (with_loads(backhauls=True, reloads=[0]), [[1, 2, 3, 0], []], [[1, 2, 0, 3], []], "vehicle 0, node 3"),
+        (with_loads(backhauls=True, stations=[0], battery=99), [[1, 2, 0, 3], []], [[0, 2, 1, 3], []],
+         "vehicle 0, node 2"),
     ],
     "skills of the vehicle": [
         (fleet(requires=[[], ["a"], [], ["a", "b"]], skills=[["b", "a"], []]), [[1, 3], [2]],
