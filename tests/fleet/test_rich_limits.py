@@ -17,6 +17,8 @@ POINTS = np.array([[0.0, 0.0], [0.0, 3.0], [4.0, 3.0], [4.0, 0.0]])
 #: Departures at 1 s, services at 4 and 8 s of 1 s each, return at 14 s; and 2, 6, 11 s.
 ROUTES = [[1, 2], [3]]
 STARTS = [[1.0, 4.0, 9.0, 15.0], [2.0, 6.0, 11.0]]
+#: Time between the first departure and the last return, which limits the scale of the tolerances.
+HORIZON = 14.0
 
 
 def fleet(scale=1.0, **fields):
@@ -34,12 +36,12 @@ def verify(model, scale, **plan):
 
 def above(value, share, scale, noise=15.0e-12):
     """Return the upper limit that `value` exceeds by `share` of its tolerance and the noise."""
-    return scale * (value - share * noise) / (1.0 + share * TOLERANCE)
+    return scale * (value - share * (TOLERANCE * min(value, HORIZON) + noise))
 
 
 def below(value, share, scale, noise=15.0e-12):
     """Return the lower limit that `value` misses by `share` of its tolerance and the noise."""
-    return scale * (value + share * noise) / (1.0 - share * TOLERANCE)
+    return scale * (value + share * (TOLERANCE * min(value, HORIZON) + noise))
 
 
 def windows(scale, node, span):
@@ -106,7 +108,7 @@ def hurried(vehicle, place):
     def case(scale, share):
         exact = [[1.0, 4.0, 9.0, 15.0], [2.0, 6.0, 11.0]]
         ready = exact[vehicle][place]
-        exact[vehicle][place] = ready * (1 - share * TOLERANCE) - share * 15e-12
+        exact[vehicle][place] = below(ready, -share, 1.0)
         return verify(fleet(scale), scale, starts=exact)
 
     return case
