@@ -103,6 +103,11 @@ def read_vrplib(
     content = KeywordFile.read(file, _KEYS)
     size = content.size(1, MOST)
     data = read_distances(content, rounded, False)
+    if decimals is not None and rounded:
+        raise InvalidData(
+            "decimals must not be given beside rounded=True, which rounds to whole numbers",
+            field="decimals",
+        )
     if decimals is not None and data.get("costs") is None:
         factor = 10.0 ** Whole(0, 9).coerce("decimals", decimals, {})
         points = data.pop("points")
@@ -155,11 +160,13 @@ def _refuse(content: KeywordFile, section: str, rule: str) -> InvalidData:
 
 
 def _per_vehicle(content: KeywordFile, key: str, count: int) -> float | Floats | None:
-    """Return a number of all vehicles from the head, or one per vehicle from a section, or None."""
-    if key in content.head:
-        return read_number(content, key)
+    """Return a number of all vehicles from the head, or a row per vehicle from a section, or None."""
     section = f"{key}_SECTION"
-    return read_column(content, section, (count,)) if section in content.sections else None
+    if section not in content.sections:
+        return read_number(content, key) if key in content.head else None
+    if key in content.head:
+        raise _refuse(content, section, f"must not be given beside {key}")
+    return read_column(content, section, (count,), free=key == "CAPACITY")
 
 
 def _lists(content: KeywordFile, section: str, rows: int | None, most: int) -> list[list[int]]:
@@ -229,12 +236,9 @@ def _loads(content: KeywordFile, size: int, count: int) -> dict[str, Any]:
                 content, "PICKUP_AND_DELIVERY_SECTION", "must not be given beside other demands"
             )
         result = _pairs(content, size)
-    if result and "CAPACITY_SECTION" in sections:
-        if "CAPACITY" in content.head:
-            raise _refuse(content, "CAPACITY_SECTION", "must not be given beside CAPACITY")
-        result["capacity"] = read_column(content, "CAPACITY_SECTION", (count,), free=True)
-    elif result:
-        result["capacity"] = read_number(content, "CAPACITY")
+    if result:
+        capacity = _per_vehicle(content, "CAPACITY", count)
+        result["capacity"] = read_number(content, "CAPACITY") if capacity is None else capacity
     return result
 
 
@@ -247,13 +251,17 @@ def _pairs(content: KeywordFile, size: int) -> dict[str, Any]:
     section = "PICKUP_AND_DELIVERY_SECTION"
     rows = read_column(content, section, (size, 6))
     pairs = []
-    for node in np.flatnonzero(rows[:, 5] > 0).tolist():
-        other = int(rows[node, 5]) - 1
-        if other >= size or rows[other, 4] - 1 != node or rows[node, 0] < 0:
-            raise _refuse(content, section, f"must pair node {node + 1} with its delivery")
-        pairs.append([node, other])
-    if not pairs:
-        raise _refuse(content, section, "must hold a pair of nodes")
+    for node in np.flatnonzero(rows[:, 5]).tolist():
+        other = np.flatnonzero(rows[:, 4] == node + 1)
+        if other.tolist() != [rows[node, 5] - 1] or not 0 <= rows[node, 0] == -rows[other[0], 0]:
+            raise _refuse(
+                content, section, f"must pair node {node + 1} with a delivery of its demand"
+            )
+        pairs.append([node, int(other[0])])
+    if not pairs or np.count_nonzero(rows[:, 4]) != len(pairs):
+        raise _refuse(
+            content, section, "must hold pairs of nodes, each with a pickup and a delivery"
+        )
     return {
         "pairs": pairs,
         "pickups": np.maximum(rows[:, 0], 0.0),
@@ -265,18 +273,21 @@ def _pairs(content: KeywordFile, size: int) -> dict[str, Any]:
 def _times(content: KeywordFile, size: int) -> dict[str, Any]:
     """Return windows, service times and releases."""
     result: dict[str, Any] = {}
-    paired = "PICKUP_AND_DELIVERY_SECTION" in content.sections
+    paired = "PICKUP_AND_DELIVERY_SECTION"
     if "TIME_WINDOW_SECTION" in content.sections:
-        windows = read_column(content, "TIME_WINDOW_SECTION", (size, 2))
-        if not paired:
-            result["windows"] = windows
+        result["windows"] = read_column(content, "TIME_WINDOW_SECTION", (size, 2))
+        if paired in content.sections and not np.array_equal(
+            result["windows"], read_column(content, paired, (size, 6))[:, 1:3]
+        ):
+            raise _refuse(content, "TIME_WINDOW_SECTION", f"must equal the windows of {paired}")
     if "SERVICE_TIME_SECTION" in content.sections:
+        for other in {"SERVICE_TIME", paired} & {*content.head, *content.sections}:
+            raise _refuse(content, "SERVICE_TIME_SECTION", f"must not be given beside {other}")
         result["service"] = read_column(content, "SERVICE_TIME_SECTION", (size,))
     elif "SERVICE_TIME" in content.head and (time := read_number(content, "SERVICE_TIME")) != 0:
         # Depots, also as reloads, have no service.
         service = np.full(size, time)
-        depots = [int(row[0]) - 1 for row in content.sections.get("DEPOT_SECTION", [["1"]])]
-        service[[node for node in depots if 0 <= node < size]] = 0.0
+        service[[node for node in _first_depots(content) if 0 <= node < size]] = 0.0
         result["service"] = service
     if "RELEASE_TIME_SECTION" in content.sections:
         result["releases"] = read_column(content, "RELEASE_TIME_SECTION", (size,))

@@ -127,6 +127,13 @@ def test_reads_pairs_and_limits_on_durations(tmp_path):
     assert model.windows[2] == ((2, 80),)
     with pytest.raises(InvalidData, match="PICKUP_AND_DELIVERY_SECTION must pair node 2"):
         read(tmp_path, f"{rows.replace('2 2 0', '2 4 0')}4 0 0 99 1 0 0\n", kind="PDPTW")
+    for old, new in (("3 -5", "3 -4"), ("4 0 0 99 1 0 0", "4 0 0 99 1 2 0"), ("0 3\n", "0 2.5\n")):
+        body = f"{rows}4 0 0 99 1 0 0\n".replace(old, new)
+        with pytest.raises(InvalidData, match="PICKUP_AND_DELIVERY_SECTION must"):
+            read(tmp_path, body, kind="PDPTW")
+    windows = "TIME_WINDOW_SECTION\n1 0 99\n2 1 9\n3 2 80\n4 0 98\n"
+    with pytest.raises(InvalidData, match="TIME_WINDOW_SECTION must equal the windows"):
+        read(tmp_path, f"{windows}{rows}4 0 0 99 1 0 0\n", kind="PDPTW")
     demands = "DEMAND_SECTION\n1 0\n2 1\n3 2\n4 3\n"
     model = read(tmp_path, demands, "DISTANCE: 50\nSERVICE_TIME: 5\n", kind="CVRP")
     assert model.max_duration.tolist() == [50, 50]
@@ -138,6 +145,8 @@ def test_truncates_distances_after_decimals(tmp_path):
     assert read(tmp_path, demands, decimals=1).costs[0].tolist() == [0, 3.1, 6.4, 5]
     assert read(tmp_path, demands, decimals=0).costs[0].tolist() == [0, 3, 6, 5]
     assert read(tmp_path, demands, decimals=0).points is not None
+    with pytest.raises(InvalidData, match="decimals must not be given beside rounded"):
+        read(tmp_path, demands, decimals=1, rounded=True)
     with pytest.raises(InvalidData, match="decimals must be >= 0"):
         read(tmp_path, demands, decimals=-1)
 
@@ -154,6 +163,19 @@ def test_several_depots_belong_to_vehicles(body, message, tmp_path):
     depots = "DEPOT_SECTION\n1\n2\n-1\nEOF\n"
     with pytest.raises(InvalidData, match=message):
         read(tmp_path, "DEMAND_SECTION\n1 0\n2 0\n3 2\n4 3\n" + body, depot=depots)
+
+
+@pytest.mark.parametrize("key", ["VEHICLES_FIXED_COST", "SERVICE_TIME"])
+def test_a_number_and_its_section_are_refused_together(key, tmp_path):
+    body = f"DEMAND_SECTION\n1 0\n2 1\n3 2\n4 3\n{key}_SECTION\n1 1\n2 1\n"
+    with pytest.raises(InvalidData, match=f"{key}_SECTION must not be given beside {key}"):
+        read(tmp_path, body, f"{key}: 5\n")
+
+
+def test_a_depot_with_a_decimal_point_has_no_service(tmp_path):
+    demands = "DEMAND_SECTION\n1 0\n2 1\n3 2\n4 3\n"
+    model = read(tmp_path, demands, "SERVICE_TIME: 2\n", depot="DEPOT_SECTION\n2.0\n-1\nEOF\n")
+    assert model.service.tolist() == [2, 0, 2, 2]
 
 
 @pytest.mark.parametrize(
