@@ -10,7 +10,6 @@ import itertools
 import math
 
 import numpy as np
-from fleet.rich_random import random_rich as random_rich
 
 from crosstrack.models.fleet import FleetPlan
 

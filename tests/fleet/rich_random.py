@@ -1,9 +1,37 @@
 """Random small rich fleets with every feature."""
 
+import dataclasses
+
 import numpy as np
 
 from crosstrack.models import FleetRouting
 from crosstrack.models.fleet.features import FEATURES
+from crosstrack.solvers.contract.registry import find_backend
+
+#: Fields in units of length, time or cost.
+SCALED = (
+    "times", "service", "releases", "shifts", "max_duration", "battery", "fixed_cost", "prizes",
+)  # fmt: skip
+
+
+def scaled(model, factor):
+    """Return the model with lengths, times and costs multiplied by `factor`."""
+    names = [*SCALED, "points" if model.costs is None else "costs"]
+    fields = {name: factor * array for name in names if (array := getattr(model, name)) is not None}
+    if model.windows is not None:
+        fields["windows"] = [
+            spans and [(factor * a, factor * b) for a, b in spans] for spans in model.windows
+        ]
+    return dataclasses.replace(model, **fields)
+
+
+def supported(name, seeds, **options):
+    """Yield the random models of `seeds` that the backend `name` accepts."""
+    backend = find_backend(name)
+    for seed in seeds:
+        model = random_rich(np.random.default_rng(seed), **options)
+        if not backend.refuses(model):
+            yield model.renamed(f"rich-{seed}")
 
 
 def random_rich(rng, features=None, customers=None):
@@ -86,6 +114,9 @@ def random_rich(rng, features=None, customers=None):
             data["groups"] = [group]
     if rng.random() < 0.3 or "stations" in data:
         data["battery"] = rng.integers(12, 40, m).astype(float)
+    free = len(nodes) > 2 and not {"pairs", "groups"} & data.keys()
+    if "ends" in data and free and rng.random() < 0.3:
+        data["ends"][0] = nodes[-1]
     return FleetRouting(use_all=False, **{k: v for k, v in data.items() if v is not None})
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fleet.enumerated import best, random_fleet
-from fleet.priced_fleets import best_rich, random_rich_fleet
+from fleet.rich_oracle import enumerate_best
+from fleet.rich_random import scaled, supported
 
 import crosstrack as ct
 from crosstrack import jit
@@ -67,18 +68,25 @@ def test_equals_enumeration(block, start, monkeypatch):
         settled(model, solved(model), best(model)[0])
 
 
+def rich_fleets(seeds):
+    """Yield random rich fleets of many scales; in each fifth one every vehicle is used."""
+    options = {"features": column_generation.ColumnGeneration.rich}
+    for number, model in enumerate(supported("column-generation", seeds, **options)):
+        use_all = number % 5 == 0 and model.vehicles <= model.customers.size
+        yield replace(scaled(model, 10.0 ** (number % 6 - 2)), use_all=use_all)
+
+
 @pytest.mark.parametrize("block", range(10))
 def test_rich_fleets_equal_enumeration(block):
-    for seed in range(10 * block, 10 * block + 10):
-        model = random_rich_fleet(seed)
-        settled(model, solved(model), best_rich(model))
+    for model in rich_fleets(range(20 * block, 20 * block + 20)):
+        settled(model, solved(model), enumerate_best(model)[0])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(500, 1500))
-def test_rich_fleets_equal_enumeration_often(seed):
-    model = random_rich_fleet(seed)
-    settled(model, solved(model), best_rich(model))
+@pytest.mark.parametrize("block", range(100))
+def test_rich_fleets_equal_enumeration_often(block):
+    for model in rich_fleets(range(500 + 20 * block, 520 + 20 * block)):
+        settled(model, solved(model), enumerate_best(model)[0])
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e7])

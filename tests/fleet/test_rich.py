@@ -6,7 +6,8 @@ import pickle
 
 import numpy as np
 import pytest
-from fleet.rich_oracle import _raw, enumerate_best, random_rich, reject, schedules
+from fleet.rich_oracle import _raw, enumerate_best, reject, schedules
+from fleet.rich_random import random_rich, scaled
 
 import crosstrack as ct
 from crosstrack.errors import CrosstrackError, InvalidData, UnsupportedFormulation
@@ -293,17 +294,7 @@ def test_scales_do_not_change_the_result(scale):
         model = random_rich(
             np.random.default_rng(seed), {"windows", "service", "releases", "shifts"}
         )
-        fields = {name: getattr(model, name) for name in ("service", "releases", "shifts")}
-        scaled = {name: scale * array for name, array in fields.items() if array is not None}
-        name = "points" if model.points is not None else "costs"
-        scaled[name] = scale * getattr(model, name)
-        if model.windows is not None:
-            scaled["windows"] = [
-                spans and [(scale * a, scale * b) for a, b in spans] for spans in model.windows
-            ]
-        if model.battery is not None:
-            scaled["battery"] = scale * model.battery
-        other = dataclasses.replace(model, **scaled)
+        other = scaled(model, scale)
         plan = random_plan(np.random.default_rng(seed + 1), model)
         moved = other.with_schedule(plan.routes)
         assert other.verify(moved).ok == model.verify(model.with_schedule(plan.routes)).ok

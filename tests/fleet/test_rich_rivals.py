@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import importlib.util
+import itertools
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,8 @@ from crosstrack.solvers.fleet.pyvrp_data import Posed
 from crosstrack.solvers.fleet.rivals import Best
 from crosstrack.solvers.fleet.whole import round_down, round_up, scales_of, whole_loads, whole_spans
 
-from .rich_oracle import enumerate_best, random_rich, reject
+from .rich_oracle import enumerate_best, reject
+from .rich_random import scaled, supported
 
 OPTIONS = {"pyvrp": {}, "ortools-routing": {"solutions": 60, "seconds": 1.0}}
 PACKAGES = {"pyvrp": "pyvrp", "ortools-routing": "ortools"}
@@ -42,17 +43,6 @@ def solved(model: FleetRouting, name: str, **more: Any) -> Any:
     return ct.solve(model, name, **{"backend_options": OPTIONS[name]} | more)
 
 
-def supported(name: str, count: int) -> list[FleetRouting]:
-    """Return the first `count` random models that the backend accepts."""
-    backend, models, seed = find_backend(name), [], 0
-    while len(models) < count:
-        model = random_rich(np.random.default_rng(seed))
-        seed += 1
-        if not backend.refuses(model):
-            models.append(model)
-    return models
-
-
 @pytest.mark.parametrize(
     ("name", "count"),
     [
@@ -65,7 +55,7 @@ def supported(name: str, count: int) -> list[FleetRouting]:
 def test_plans_verify_and_nearly_all_are_optimal(name: str, count: int) -> None:
     need(name)
     feasible = optimal = 0
-    for model in supported(name, count):
+    for model in itertools.islice(supported(name, itertools.count()), count):
         best, plan = enumerate_best(model)
         answer = solved(model, name)
         if answer.plan is None:
@@ -178,12 +168,7 @@ def test_limits_of_time_hold_for_rich_fleets(name: str) -> None:
 def test_scales_of_data_do_not_change_the_routes(scale: float) -> None:
     need("pyvrp")
     model = large()
-    moved = dataclasses.replace(
-        model, points=scale * np.array(model.points), service=scale * np.array(model.service),
-        windows=[row and [(scale * a, scale * b) for a, b in row] for row in model.windows],
-        fixed_cost=scale * np.array(model.fixed_cost),
-    )  # fmt: skip
-    answer = solved(moved, "pyvrp", backend_options={"patience": 5})
+    answer = solved(scaled(model, scale), "pyvrp", backend_options={"patience": 5})
     assert answer.verification.ok
     reference = solved(model, "pyvrp", backend_options={"patience": 5})
     # Units differ by a factor below 2, so that the searches may differ.
