@@ -145,8 +145,7 @@ def _walks(plan: FleetPlan, model: FleetRouting) -> Iterator[tuple[int, list[int
         raise InvalidData(f"routes must visit nodes other than depots, got {other}", field="routes")
     for k, route in enumerate(plan.routes):
         if route:
-            home, end = int(model.homes[k]), int(model.finishes[k])
-            yield k, [home, *route, *([end] if end >= 0 else [])]
+            yield k, model.path_of(k, route)
 
 
 CSV = ExportFormat("one row per stop (CSV)", ".csv", write_routes_csv)

@@ -58,11 +58,8 @@ def loads_of(model: FleetData, plan: FleetPlan) -> Floats:
     """Return the length of each route, from its depot to its end, shape (routes,)."""
     loads = np.zeros(len(plan.routes))
     for k, route in enumerate(plan.routes):
-        if route:
-            vehicle = min(k, model.vehicles - 1)
-            end = int(model.finishes[vehicle])
-            stops = [int(model.homes[vehicle]), *route, *([end] if end >= 0 else [])]
-            loads[k] = sum(model.legs(stops[:-1], stops[1:]).tolist())
+        stops = model.path_of(min(k, model.vehicles - 1), route)
+        loads[k] = sum(model.legs(stops[:-1], stops[1:]).tolist())
     return loads
 
 

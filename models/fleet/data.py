@@ -190,7 +190,6 @@ class FleetData(Model[FleetPlan]):
                 f"{self.vehicles}",
                 field="vehicles",
             )
-        self._check_loads()
         if self.q and self.objective not in (Objective.VARIANCE, Objective.DEVIATION):
             raise InvalidData(
                 "q must be 0 unless the objective is 'sum-variance' or 'sum-deviation', got objective "
@@ -232,12 +231,6 @@ class FleetData(Model[FleetPlan]):
                     field="points",
                 )
 
-    def _check_loads(self) -> None:
-        if (self.demands is None) != (self.capacity is None):
-            names = ["demands", "capacity"]
-            name, other = names if self.demands is None else reversed(names)
-            raise InvalidData(f"{name} must be given together with {other}", field=name)
-
     def _check_reachable(self) -> None:
         if self.size > LARGE and self._is_plane:
             longest = self.longest
@@ -271,18 +264,25 @@ class FleetData(Model[FleetPlan]):
 
     @cached_property
     def customers(self) -> NDArray[np.int64]:
-        """Nodes to visit: all except the depots, ascending."""
-        return np.setdiff1d(np.arange(self.size), self.depots)
+        """Nodes to visit: neither depots nor ends nor reloads nor stations, ascending."""
+        ends = [] if self.ends is None else self.ends.tolist()
+        stops = [*(self.reloads or ()), *(self.stations or ())]
+        return np.setdiff1d(np.arange(self.size), [*self.depots.tolist(), *ends, *stops])
 
     @cached_property
     def homes(self) -> NDArray[np.int64]:
         """Depot of each vehicle, shape (vehicles,)."""
         return np.broadcast_to(self.depots, (self.vehicles,)).copy()
 
-    @property
+    @cached_property
     def finishes(self) -> NDArray[np.int64]:
         """Node at which each vehicle ends, shape (vehicles,); -1 for the last node of its route."""
-        return self.homes
+        return self.homes if self.ends is None else self.ends
+
+    def path_of(self, vehicle: int, route: Sequence[int]) -> list[int]:
+        """Return the nodes of `route` from the depot of `vehicle` to its end; empty if it is idle."""
+        end = int(self.finishes[vehicle])
+        return [int(self.homes[vehicle]), *route, *([end] if end >= 0 else [])] if route else []
 
     @cached_property
     def symmetric(self) -> bool:

@@ -183,14 +183,7 @@ def _draw_map(
     last = model.vehicles - 1
     routes = () if plan is None else plan.routes
     # An empty route stays without its depot, and an open one without an end.
-    homes, ends = (
-        [int(nodes[min(k, last)]) for k in range(len(routes))]
-        for nodes in (model.homes, model.finishes)
-    )
-    stops = [
-        [home, *route, *([end] if end >= 0 else [])] if route else []
-        for home, route, end in zip(homes, routes, ends, strict=True)
-    ]
+    stops = [model.path_of(min(k, last), route) for k, route in enumerate(routes)]
     follow = grid if legs == "paths" or (legs is None and model.metric is Metric.GRID) else None
     paths = [places[route] if follow is None else trail(follow, places[route]) for route in stops]
     lines = [path * scale for path in paths]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..verification import Check
 from .plan import FleetPlan
 from .rich_data import RichData
+from .specs import Spans
 
 __all__ = [
     "RICH_CHECKS",
@@ -21,6 +22,7 @@ __all__ = [
     "longest_stretch",
     "makespan_of",
     "missing_times",
+    "nearest_window",
     "rich_checks",
 ]
 
@@ -65,10 +67,8 @@ def describe_visits(model: RichData, plan: FleetPlan) -> list[str]:
 
 def longest_stretch(model: RichData, vehicle: int, route: tuple[int, ...]) -> float:
     """Return the longest distance of a route without a station between, in the unit of the distances."""
-    end = int(model.finishes[vehicle])
-    nodes = [int(model.homes[vehicle]), *route, *([end] if end >= 0 else [])]
     longest = current = 0.0
-    for tail, head in itertools.pairwise(nodes) if route else ():
+    for tail, head in itertools.pairwise(model.path_of(vehicle, route)):
         current += float(model.distances[tail, head])
         longest = max(longest, current)
         if head in (model.stations or ()):
@@ -118,9 +118,15 @@ def _amounts(model: RichData) -> tuple[Floats, Floats]:
 def _paths(model: RichData, plan: FleetPlan) -> Iterator[tuple[int, list[int], tuple[float, ...]]]:
     """Yield each used vehicle, the nodes of its path with both depots, and its times."""
     for k, (route, times) in enumerate(zip(plan.routes, plan.starts or (), strict=True)):
-        end = int(model.finishes[k])
         if route:
-            yield k, [int(model.homes[k]), *route, *([end] if end >= 0 else [])], times
+            yield k, model.path_of(k, route), times
+
+
+def nearest_window(spans: Spans, time: float) -> tuple[float, float]:
+    """Return the window that contains `time` or is nearest to it; an infinite one without windows."""
+    return min(
+        spans or ((-math.inf, math.inf),), key=lambda span: max(span[0] - time, time - span[1])
+    )
 
 
 def _windows(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
@@ -128,9 +134,8 @@ def _windows(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
     assert model.windows is not None
     for k, nodes, times in _paths(model, plan):
         for node, time in zip(nodes, times, strict=False):
-            for begin, end in sorted(
-                model.windows[node] or (), key=lambda span: max(span[0] - time, time - span[1])
-            )[:1]:
+            begin, end = nearest_window(model.windows[node], time)
+            if begin > -math.inf:
                 scale = abs(end if time > end else begin)
                 excess = max(begin - time, time - end)
                 yield _Row(excess, 0.0, scale, f"vehicle {k}, node {model.label(node)}")

@@ -17,10 +17,6 @@ from .features import TIMED, features_of
 __all__ = ["RichData"]
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Span = tuple[float, float]
-#: Windows of one node, or None for a node without windows.
-Spans = tuple[Span, ...] | None
 
 
 class RichData(FleetData):
@@ -29,6 +25,7 @@ class RichData(FleetData):
     def check(self) -> None:
         """Fill in defaults and validate constraints between fields."""
         super().check()
+        self._check_loads()
         self._check_times()
         self._check_costs()
         self._check_choices()
@@ -138,21 +135,9 @@ class RichData(FleetData):
         return not features_of(self).isdisjoint(TIMED)
 
     @cached_property
-    def customers(self) -> Ints:
-        """Nodes that are neither depots nor reloads nor stations, ascending."""
-        stops = [*(self.reloads or ()), *(self.stations or ())]
-        ends = [] if self.ends is None else self.ends.tolist()
-        return np.setdiff1d(np.arange(self.size), [*self.depots.tolist(), *stops, *ends])
-
-    @cached_property
     def is_customer(self) -> NDArray[np.bool_]:
         """Whether each node is one of `customers`, shape (n,)."""
         return np.isin(np.arange(self.size), self.customers)
-
-    @cached_property
-    def finishes(self) -> Ints:
-        """Node at which each vehicle ends, shape (vehicles,); -1 for the last node of its route."""
-        return self.homes if self.ends is None else self.ends
 
     @cached_property
     def optional(self) -> NDArray[np.bool_]:

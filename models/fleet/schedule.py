@@ -62,31 +62,25 @@ class _Stop(NamedTuple):
 
 def _stops(model: RichData, vehicle: int, route: Sequence[int]) -> tuple[float, list[_Stop]]:
     """Return the earliest departure of the first trip, and the stops of the route with its end."""
-    tail, finish = int(model.homes[vehicle]), int(model.finishes[vehicle])
-    nodes = [*route, finish] if finish >= 0 else [*route]
-    releases: list[float] = [-math.inf]
-    trip = []
-    for node in route:
-        if node in (model.reloads or ()):
-            releases.append(-math.inf)
-        elif model.releases is not None and model.is_customer[node]:
-            releases[-1] = max(releases[-1], float(model.releases[node]))
-        trip.append(len(releases) - 1)
-    stops = []
-    for place, node in enumerate(nodes):
-        inner = place < len(route)
-        service = float(model.service[node]) if inner and model.service is not None else 0.0
+    release, stops = -math.inf, []
+    # Backwards, so that the release of a trip is known at the reload that begins it.
+    path = model.path_of(vehicle, route)
+    for place in range(len(path) - 1, 0, -1):
+        node, inner = path[place], place <= len(route)
         begins = inner and node in (model.reloads or ())
         stops.append(
             _Stop(
-                model.travel_time(vehicle, tail, node),
+                model.travel_time(vehicle, path[place - 1], node),
                 None if model.windows is None else model.windows[node],
-                service,
-                releases[trip[place]] if begins else -math.inf,
+                float(model.service[node]) if inner and model.service is not None else 0.0,
+                release if begins else -math.inf,
             )
         )
-        tail = node
-    return releases[0], stops
+        if begins:
+            release = -math.inf
+        elif model.releases is not None and model.is_customer[node]:
+            release = max(release, float(model.releases[node]))
+    return release, stops[::-1]
 
 
 def _through(pieces: Iterable[Piece], windows: Spans) -> list[Piece]:

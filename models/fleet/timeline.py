@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 from ..plots import kit
 from .model import FleetRouting
 from .plan import FleetPlan
+from .rich_checks import nearest_window
 
 __all__ = ["draw_timeline", "places_in_time"]
 
@@ -35,6 +37,7 @@ def draw_timeline(
     used = [times for times in plan.starts or () if times]
     low = min((times[0] for times in used), default=0.0)
     high = max((times[-1] for times in used), default=1.0)
+    slack = 1e-6 * (high - low)
     late: list[tuple[float, float]] = []
     for kind, height in _HEIGHTS.items():
         rows = [span for span in spans if span.kind == kind]
@@ -55,9 +58,8 @@ def draw_timeline(
         axes.add_collection(bars, autolim=False)
     for k, (route, times) in enumerate(zip(plan.routes, plan.starts or (), strict=True)):
         for node, time in zip(route, times[1:], strict=False):
-            windows = (model.windows or {node: None})[node]
-            slack = 1e-6 * abs(time)
-            if windows and not any(a - slack <= time <= b + slack for a, b in windows):
+            begin, end = nearest_window((model.windows or {node: None})[node], time)
+            if not begin - slack <= time <= end + slack:
                 late.append((time, k))
             if labels if labels is not None else sum(map(len, plan.routes)) <= _MOST_NAMES:
                 axes.text(
@@ -99,8 +101,7 @@ def _spans(model: FleetRouting, plan: FleetPlan) -> Iterator[_Span]:
     for k, (route, times) in enumerate(zip(plan.routes, plan.starts or (), strict=True)):
         if not route:
             continue
-        finish = int(model.finishes[k])
-        path = [int(model.homes[k]), *route, *([finish] if finish >= 0 else [])]
+        path = model.path_of(k, route)
         for place, (tail, head) in enumerate(itertools.pairwise(path)):
             leaves = times[place]
             if place and model.service is not None:
@@ -111,14 +112,12 @@ def _spans(model: FleetRouting, plan: FleetPlan) -> Iterator[_Span]:
             yield _Span("travel", k, k, leaves, arrives)
             if times[place + 1] > arrives:
                 yield _Span("wait", k, k, arrives, times[place + 1])
-        if finish < 0:
+        if model.finishes[k] < 0:
             yield _Span("service", k, k, times[-2], times[-1])
         for place, node in enumerate(route if model.windows is not None else ()):
             time = times[place + 1]
-            for begin, end in sorted(
-                (() if model.windows is None else model.windows[node]) or (),
-                key=lambda span: max(span[0] - time, time - span[1]),
-            )[:1]:
+            begin, end = nearest_window((model.windows or {node: None})[node], time)
+            if begin > -math.inf:
                 level = k + _BELOW + _APART * (place % 3)
                 yield _Span("window", k, level, begin, end)
 
