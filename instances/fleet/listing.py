@@ -20,6 +20,7 @@ ROBOTS, NODES, WEIGHTS = 4, 75, (0.0, 0.2, 0.4, 0.6, 0.8)
 #: Depot on the map, x, y (m), in a free cell.
 DEPOT = (100.0, 100.0)
 
+_ENUMERATED = "enumeration of all routes, tests/fleet/rich_oracle.py"
 _SPECIAL = "Ours: the paper has no such instance."
 #: Nodes of the example; the first is the depot.
 _EXAMPLE = (*((50, 50), (20, 80), (35, 90), (80, 75)), *((90, 40), (60, 15), (25, 20), (10, 45)))
@@ -27,7 +28,7 @@ _EXAMPLE = (*((50, 50), (20, 80), (35, 90), (80, 75)), *((90, 40), (60, 15), (25
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     """Return the instances."""
-    rows = (*_small(), *_limited(), *_wild(), *map(_table_3, WEIGHTS))
+    rows = (*_small(), *_limited(), *_wild(), *_rich(), *map(_table_3, WEIGHTS))
     return listed("fleet", "fleet-routing", PAPER, rows, note=_SPECIAL)
 
 
@@ -114,6 +115,33 @@ def _wild() -> tuple[Row, ...]:
         Row(
             "one-far", "One node a million metres away", partial(_fleet, 2, points=far),
             provenance=Provenance.OURS,
+        ),
+    )  # fmt: skip
+
+
+def _rich() -> tuple[Row, ...]:
+    windows = (None, (20, 60), (50, 100), (90, 150), (40, 120), (60, 140), (110, 190), (0, 230))
+    halves = ((0, 80), (150, 240))
+    return (
+        Row(
+            "windows-7", "2 vehicles serve 7 nodes within time windows by 250 s",
+            partial(
+                _fleet, 2, points=_EXAMPLE, objective="sum", windows=windows,
+                service=(0, *[5] * 7), shifts=(0, 250),
+            ),
+            provenance=Provenance.OURS, published={"optimum": 331.0419174590793, "source": _ENUMERATED},
+        ),
+        Row(
+            "mixed-6", "2 vehicles with costs: a shipment, a reload, skills, and nodes with prizes",
+            partial(
+                _fleet, 2, points=_EXAMPLE[:7], objective="cost", fixed_cost=(30, 10),
+                distance_cost=(1, 1.5), time_cost=0.2, service=(0, *[5] * 6),
+                windows=(None, halves, None, None, (0, 160), None, (60, 300)),
+                demands=(0, 3, 4, 0, 5, 0, 3), pickups=(0, 0, 0, 4, 0, 0, 2), pairs=[(3, 5)],
+                capacity=(7, 5), reloads=[0], max_reloads=1, prizes=(*[None] * 4, 90, None, 50),
+                requires=[[], [], ["lift"], [], [], [], []], skills=[["lift"], []],
+            ),
+            provenance=Provenance.OURS, published={"optimum": 281.5422683929398, "source": _ENUMERATED},
         ),
     )  # fmt: skip
 

@@ -37,7 +37,13 @@ def across(grid):
     return GridPath(grid, first, last)
 
 
-NAMES = [entry.name for entry in entries() if entry.name.partition("/")[0] in PROBLEMS]
+#: Only libraries solve these rich fleets.
+LIBRARIES = ("fleet/mixed-6", "fleet/windows-7")
+NAMES = [
+    entry.name
+    for entry in entries()
+    if entry.name.partition("/")[0] in PROBLEMS and entry.name not in LIBRARIES
+]
 #: Instances of other sizes than the catalogue's, by seed.
 GENERATED = {
     "error-correction": lambda seed: error_correction.generate(
