@@ -33,7 +33,7 @@ from .specs import (
     Shifts,
     Spans,
     Windows,
-    node_list,
+    added,
 )
 
 __all__ = ["Deviation", "FleetData", "Metric", "Objective"]
@@ -106,59 +106,29 @@ class FleetData(Model[FleetPlan]):
     range_limit: float | None = declared(Optional(Real(lower=0)), default=None)
     ids: Names = declared(Optional(Ids()), default=None)
     # Fields of rich fleets.
-    times: FloatsOrNone = declared(
-        Optional(Array(("n", "n"), lower=0, unit="s")), added=True, default=None
-    )
-    speed: FloatsOrNone = declared(
-        Optional(EachVehicle(("vehicles",), lower=0)), added=True, default=None
-    )
-    service: FloatsOrNone = declared(
-        Optional(Array(("n",), lower=0, unit="s")), added=True, default=None
-    )
-    windows: Field[Sequence[Any] | Numbers | None, tuple[Spans, ...] | None] = declared(
-        Optional(Windows()), added=True, default=None
-    )
-    releases: FloatsOrNone = declared(Optional(Array(("n",), unit="s")), added=True, default=None)
-    pickups: FloatsOrNone = declared(Optional(Loads(("n",), lower=0)), added=True, default=None)
+    times: FloatsOrNone = added(Array(("n", "n"), lower=0, unit="s"))
+    speed: FloatsOrNone = added(EachVehicle(("vehicles",), lower=0))
+    service: FloatsOrNone = added(Array(("n",), lower=0, unit="s"))
+    windows: Field[Sequence[Any] | Numbers | None, tuple[Spans, ...] | None] = added(Windows())
+    releases: FloatsOrNone = added(Array(("n",), unit="s"))
+    pickups: FloatsOrNone = added(Loads(("n",), lower=0))
     backhauls: bool = declared(Flag(), added=True, default=False)
-    pairs: Field[Numbers | None, Ints | None] = declared(
-        Optional(Array(("pairs", 2), int, lower=0)), added=True, default=None
+    pairs: Field[Numbers | None, Ints | None] = added(Array(("pairs", 2), int, lower=0))
+    fixed_cost: FloatsOrNone = added(EachVehicle(("vehicles",), lower=0))
+    distance_cost: FloatsOrNone = added(EachVehicle(("vehicles",), lower=0))
+    time_cost: FloatsOrNone = added(EachVehicle(("vehicles",), lower=0))
+    shifts: FloatsOrNone = added(Shifts(("vehicles", 2), infinity=1, unit="s"))
+    max_duration: FloatsOrNone = added(EachVehicle(("vehicles",), lower=0, infinity=1, unit="s"))
+    ends: Field[Numbers | None, Ints | None] = added(EachVehicle(("vehicles",), int, lower=-1))
+    requires: NameLists = added(Several(Several(Text()), "n"))
+    skills: NameLists = added(Several(Several(Text()), "vehicles"))
+    prizes: FloatsOrNone = added(Prizes(("n",), lower=0))
+    groups: NodeLists = added(Several(NumberTuple(("group",), int, lower=0)))
+    reloads: NodeList = added(NumberTuple(("reloads",), int, lower=0))
+    max_reloads: Field[Numbers | None, Ints | None] = added(
+        EachVehicle(("vehicles",), int, lower=0)
     )
-    fixed_cost: FloatsOrNone = declared(
-        Optional(EachVehicle(("vehicles",), lower=0)), added=True, default=None
-    )
-    distance_cost: FloatsOrNone = declared(
-        Optional(EachVehicle(("vehicles",), lower=0)), added=True, default=None
-    )
-    time_cost: FloatsOrNone = declared(
-        Optional(EachVehicle(("vehicles",), lower=0)), added=True, default=None
-    )
-    shifts: FloatsOrNone = declared(
-        Optional(Shifts(("vehicles", 2), infinity=1, unit="s")), added=True, default=None
-    )
-    max_duration: FloatsOrNone = declared(
-        Optional(EachVehicle(("vehicles",), lower=0, infinity=1, unit="s")),
-        added=True,
-        default=None,
-    )
-    ends: Field[Numbers | None, Ints | None] = declared(
-        Optional(EachVehicle(("vehicles",), int, lower=-1)), added=True, default=None
-    )
-    requires: NameLists = declared(
-        Optional(Several(Several(Text()), "n")), added=True, default=None
-    )
-    skills: NameLists = declared(
-        Optional(Several(Several(Text()), "vehicles")), added=True, default=None
-    )
-    prizes: FloatsOrNone = declared(Optional(Prizes(("n",), lower=0)), added=True, default=None)
-    groups: NodeLists = declared(
-        Optional(Several(NumberTuple(("group",), int, lower=0))), added=True, default=None
-    )
-    reloads: NodeList = declared(node_list("reloads"), added=True, default=None)
-    max_reloads: Field[Numbers | None, Ints | None] = declared(
-        Optional(EachVehicle(("vehicles",), int, lower=0)), added=True, default=None
-    )
-    stations: NodeList = declared(node_list("stations"), added=True, default=None)
+    stations: NodeList = added(NumberTuple(("stations",), int, lower=0))
 
     def check(self) -> None:
         """Fill in defaults and validate constraints between fields."""

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, NumberTuple, Optional, Real, Spec, Whole, frozen, show
+from ..fields import Array, Optional, Real, Spec, Whole, declared, frozen, show
 from ..inputs import Field
 from ..specs import as_number, count_rows
 
 __all__ = [
     "Count", "Depots", "EachVehicle", "Loads", "NameLists", "NodeList", "NodeLists", "Prizes", "Shifts",
-    "Spans", "Windows", "node_list",
+    "Spans", "Windows", "added",
 ]  # fmt: skip
 
 #: Windows of one node, or None for a node without windows.
@@ -143,6 +143,6 @@ class Prizes(Array):
         return [None if math.isnan(prize) else prize for prize in value.tolist()]
 
 
-def node_list(name: str) -> Optional:
-    """Return the specification of an optional list of nodes whose length is called `name`."""
-    return Optional(NumberTuple((name,), int, lower=0))
+def added(spec: Spec) -> Any:
+    """Return the declaration of an optional field that JSON and digests omit if it is absent."""
+    return declared(Optional(spec), added=True, default=None)
