@@ -192,11 +192,9 @@ def _depots(content: KeywordFile, count: int) -> dict[str, Any]:
     size, several = content.size(1, MOST), assigned in content.sections
     depots = np.zeros(1)
     if "DEPOT_SECTION" in content.sections or _is_plain(content):
-        rows = len(content.sections.get("DEPOT_SECTION", ()))
-        words = [row[0] for row in content.sections.get("DEPOT_SECTION", ())]
-        depots = read_column(
-            content, "DEPOT_SECTION", (rows - words.count("-1") if several else 1,)
-        )
+        rows = content.sections.get("DEPOT_SECTION", ())
+        number = sum(row[0] != "-1" for row in rows) if several else 1
+        depots = read_column(content, "DEPOT_SECTION", (number,))
     result: dict[str, Any] = {"depots": depots}
     if several:
         homes = read_column(content, assigned, (count,)) - 1

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Piece", "earliest_returns", "schedule_route"]
 
-#: Arrivals are rounded: one this much after a window, relative to the times of the route, is in time.
-_ROUNDING = 1e-12
+#: Arrivals are rounded: one this much after a window, relative to the times of the route, is in time. Four
+#: times this value must stay below the rounding that the verification accepts.
+_ROUNDING = 2e-13
 
 
 class Piece(NamedTuple):

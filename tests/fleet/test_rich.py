@@ -293,6 +293,16 @@ def test_tolerances_do_not_depend_on_the_origin_of_the_times(origin):
         assert name in [check.name for check in verified.violated]
 
 
+def test_a_window_that_is_missed_far_from_time_zero_is_not_used():
+    """The first window ends 3e-12 of the time before the arrival, so that the service waits for the second."""
+    origin = 1e8
+    spans = [(origin, origin + 3 - 3e-4), (origin + 10, origin + 20)]
+    model = timed(windows=[None, spans, None, None], shifts=[origin, origin + 60])
+    plan = model.with_schedule([[1, 2, 3], []])
+    assert plan.starts[0][1] == origin + 10
+    assert model.verify(plan).ok
+
+
 def test_one_infinite_number_applies_to_all_vehicles():
     assert timed(max_duration=math.inf).max_duration.tolist() == [math.inf] * 2
     with pytest.raises(InvalidData, match="max_duration must be finite"):
