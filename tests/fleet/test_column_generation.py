@@ -14,6 +14,7 @@ from fleet.rich_random import scaled, supported
 import crosstrack as ct
 from crosstrack import jit
 from crosstrack.errors import UnsupportedFormulation
+from crosstrack.instances import entry
 from crosstrack.instances.fleet import read_vrplib
 from crosstrack.models import FleetRouting
 from crosstrack.solvers.contract.backend import Request
@@ -98,6 +99,11 @@ def test_equals_subset_dp(objective, scale):
         capacity=[12, 12, 9], battery=3.2 * scale,
     )  # fmt: skip
     settled(model, solved(model), ct.solve(model, "subset-dp").primal_bound)
+
+
+def test_proves_the_optimum_of_a_rich_fleet_of_the_catalogue():
+    model = ct.load("fleet/windows-7")
+    settled(model, solved(model), entry("fleet/windows-7").published["optimum"])
 
 
 def test_several_depots_and_asymmetric_costs_equal_the_program():

@@ -11,6 +11,7 @@ import pytest
 
 import crosstrack as ct
 from crosstrack.errors import UnsupportedFormulation
+from crosstrack.instances import entry
 from crosstrack.models import FleetRouting
 from crosstrack.solvers import Termination
 from crosstrack.solvers.contract.registry import find_backend
@@ -72,6 +73,14 @@ def test_plans_verify_and_nearly_all_are_optimal(name: str, count: int) -> None:
         optimal += answer.verification.objective <= best + 1e-6 * max(1.0, abs(best))
     assert feasible >= SHARES[name][1] * count / 110
     assert optimal >= SHARES[name][0] * feasible
+
+
+@pytest.mark.parametrize("instance", ["mixed-6", "windows-7"])
+@pytest.mark.parametrize("name", OPTIONS)
+def test_finds_the_optima_of_the_catalogue(name: str, instance: str) -> None:
+    need(name)
+    model, optimum = ct.load(f"fleet/{instance}"), entry(f"fleet/{instance}").published["optimum"]
+    assert solved(model, name).primal_bound == pytest.approx(optimum, rel=1e-6)
 
 
 SQUARE = [[0, 0], [3, 0], [0, 4], [5, 5]]
