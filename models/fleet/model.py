@@ -23,6 +23,8 @@ __all__ = ["FleetRouting"]
 
 #: Largest number of nodes solved by branch and bound in about a minute: the sum, other objectives.
 SUM_NODES, BALANCE_NODES = 100, 12
+#: Largest number of nodes of a rich fleet that column generation usually solves in seconds.
+RICH_NODES = 25
 
 
 class FleetRouting(RichData):
@@ -183,6 +185,12 @@ class FleetRouting(RichData):
     def has_program(self) -> bool:
         """False for rich fleets, whose features no formulation covers."""
         return not self.is_rich
+
+    @property
+    def preferred_backend(self) -> str:
+        """Name of the exact backend for rich fleets of up to 25 nodes; empty for others."""
+        small = self.is_rich and len(self.customers) <= RICH_NODES
+        return "column-generation" if small else ""
 
     @property
     def prefers_native(self) -> bool:
