@@ -146,7 +146,7 @@ def _under(
     if signed:
         # Multipliers of the resources, or of the number of arcs, leave no negative cycle.
         whole = counted(net)
-        bounds = best_bounds(whole) or plain_bounds(net._replace(length=np.abs(net.length)))
+        bounds = best_bounds(whole) or plain_bounds(whole)
         if bounds.weight.size > net.initial.size and bounds.weight[-1] > 0.0:
             net = whole
         bounds = replace(bounds, weight=bounds.weight[: net.initial.size])

@@ -62,20 +62,30 @@ class Bounds:
 
 
 def plain_bounds(net: Network) -> Bounds:
-    """Return the bounds without multipliers: the least lengths to the end, which must be >= 0."""
-    count = len(net.first) - 1
-    graph = csr_array((net.length, net.head, net.first), shape=(count, count))
+    """Return the bounds of the least lengths to the end.
+
+    With negative lengths, the last resource must be the number of arcs (:func:`.network.counted`). Its
+    multiplier is the least that leaves no arc of negative weight.
+    """
+    count, weight = len(net.first) - 1, np.zeros(len(net.initial))
+    shift = max(-float(net.length.min(initial=0.0)), 0.0)
+    if shift > 0.0:
+        weight[-1] = shift
+    length = net.length + shift
+    graph = csr_array((length, net.head, net.first), shape=(count, count))
     ahead = np.ascontiguousarray(dijkstra(graph.T, indices=net.end))
-    return _bounds(net, np.zeros(len(net.initial)), net.length, ahead, 0.0)
+    return _bounds(net, weight, length, ahead, shift * (count - 1))
 
 
 def _bounds(net: Network, weight: Floats, length: Floats, ahead: Floats, shift: float) -> Bounds:
     tail = np.repeat(np.arange(len(ahead)), np.diff(net.first))
     with np.errstate(invalid="ignore"):
-        reduced = np.maximum(length + ahead[net.head] - ahead[tail], 0.0)
+        reduced = length + ahead[net.head] - ahead[tail]
     reduced = np.where(np.isfinite(reduced), reduced, np.inf)
-    size = 2.0 * shift - float(np.minimum(length, 0.0).sum())
-    return Bounds(weight, ahead - shift, reduced, 1e-12 * size)
+    # A bound exceeds the least weight of a rest by no more than its excesses below 0, one per arc.
+    most, over = (-float(values.min(initial=0.0)) for values in (length, reduced))
+    rounding = 2e-12 * shift + len(ahead) * (1e-12 * most + over)
+    return Bounds(weight, ahead - shift, np.maximum(reduced, 0.0), rounding)
 
 
 def cumulative(net: Network) -> Whole:
@@ -105,7 +115,7 @@ def best_bounds(net: Network) -> Bounds | None:
         return None
     scale[scale == 0.0] = 1.0
     start, best, result = net.initial[some] / scale, -np.inf, None
-    weight, upper, limit = np.zeros(some.size), 4.0 * size * len(into[0]), room / scale
+    weight, upper, limit = np.zeros(some.size), 4.0 * len(into[0]), room / scale
     for _ in range(ROUNDS):
         weights = net.length / size + (use / scale) @ weight
         rounding = 1e-13 * float(np.abs(weights).max(initial=0.0))
@@ -132,8 +142,9 @@ def best_bounds(net: Network) -> Bounds | None:
             np.r_[-1.0, np.full(some.size, 1e-6)], np.array(rows), np.array(sides),
             bounds=[(None, upper), *[(0.0, upper)] * some.size],
         )  # fmt: skip
-        closed = result is not None and -program.fun - best <= CLOSE * max(abs(best), 1e-9)
-        if program.x is None or closed:
+        if program.x is None:
+            break
+        if result is not None and -program.fun - best <= CLOSE * max(abs(best), 1e-9):
             break
         weight = program.x[1:]
         if result is not None and some.size > 1:

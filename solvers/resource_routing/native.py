@@ -47,8 +47,12 @@ class RouteSearch(Backend):
         cutoff = math.inf if request.cutoff is None else request.cutoff + 1e-9 * abs(request.cutoff)
         result, details = self.find(problem, cutoff, request)
         seconds = {"solve": clock() - begin}
-        others = tuple(tuple(other.tolist()) for other in result.others)
-        plan = Route(tuple(result.route.tolist()), others) if result.route.size else None
+        plan = None
+        if result.route.size:
+            # Searches sum lengths in another order, and equal ones may differ by rounding.
+            ways = [tuple(way.tolist()) for way in (result.route, *result.others)]
+            ways.sort(key=lambda way: self.measure(problem, Route(way)))
+            plan = Route(ways[0], tuple(ways[1:]))
         termination, limit, message = Termination.INFEASIBLE, None, ""
         # Rounding must not lift the bound above the correctly rounded length.
         primal = None if plan is None else self.measure(problem, plan)

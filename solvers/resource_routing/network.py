@@ -93,9 +93,9 @@ def network(model: ResourceRouting, rows: Whole, flag: NDArray[np.int8]) -> Netw
     else:
         first, head, length, use = _listed(model, gain)
     floor, lower = model.floors[codes], model.lower_limits[codes]
-    # Levels fall at resets only: elsewhere, a level above all lower limits stays above them.
+    # Of two levels above all lower limits, the same arcs make both equal at a reset or keep them above.
     top = lower.max(axis=0, initial=0.0)
-    full = np.where(top == 0.0, -np.inf, np.where(np.isinf(reset).all(axis=0), top, np.inf))
+    full = np.where(top == 0.0, -np.inf, top)
     lower = lower - ROUNDING * lower
     if model.prizes is not None:
         prizes = model.prizes[rows]

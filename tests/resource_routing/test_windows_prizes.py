@@ -9,6 +9,7 @@ from resource_draws import neighbours
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.models import Model, Resource, ResourceRouting, Route
+from crosstrack.solvers.resource_routing import multipliers
 
 NAME = "resource-labelling"
 ERRAND, NETWORK = "64db977cb4b9fe40", "6101d3ed5fdcb9a5"
@@ -178,16 +179,52 @@ def test_cycles_of_negative_length_that_use_nothing():
     assert found.termination == "optimal" and found.primal_bound == -21.0
 
 
-@pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_scaled_prizes(scale):
-    model = next(one for one in map(rich_model, range(99)) if one.prizes is not None)
-    scaled = ResourceRouting(
-        model.kinds, model.resources, 0, 1, arcs=model.arcs, lengths=model.lengths * scale,
-        uses=model.uses, prizes=model.prizes * scale,
+def scaled(model, factor, **fields):
+    """Return `model` with lengths and prizes times `factor`, a number or one per arc."""
+    prizes = None if model.prizes is None else model.prizes * np.min(factor)
+    return ResourceRouting(
+        model.kinds, model.resources, 0, 1, arcs=model.arcs, lengths=model.lengths * factor,
+        uses=model.uses, prizes=prizes, **fields,
     )  # fmt: skip
-    assert ct.solve(scaled, NAME).primal_bound == pytest.approx(
-        ct.solve(model, NAME).primal_bound * scale
-    )
+
+
+@pytest.mark.parametrize("scale", [1e-7, 1e-3, 1e7])
+def test_scaled_prizes(scale):
+    """The multipliers that exclude negative cycles grow with the number of points, not with lengths."""
+    for seed in range(100):
+        model = scaled(rich_model(seed), scale)
+        routes = simple_routes(model)
+        found = ct.solve(model, NAME)
+        if routes:
+            wanted = pytest.approx(min(routes.values()), abs=1e-9 * scale)
+            assert (found.primal_bound, found.dual_bound) == (wanted, wanted), seed
+
+
+def test_short_arcs_beside_long_ones():
+    for seed in range(100):
+        draw, model = np.random.default_rng(seed), rich_model(seed)
+        model = scaled(model, np.where(draw.random(len(model.arcs)) < 0.2, 1e6, 1e-3))
+        routes = simple_routes(model)
+        found = ct.solve(model, NAME)
+        if routes:
+            assert found.primal_bound == pytest.approx(min(routes.values()), abs=1e-6), seed
+
+
+def test_without_multipliers_the_number_of_arcs_excludes_negative_cycles(monkeypatch):
+    monkeypatch.setattr(multipliers, "best_bounds", lambda net: None)
+    for seed in range(100):
+        model = rich_model(seed)
+        routes = simple_routes(model)
+        found = ct.solve(model, NAME)
+        assert found.primal_bound == (pytest.approx(min(routes.values())) if routes else None)
+
+
+def test_routes_of_equal_lengths_are_ordered_despite_rounding():
+    """Sums of tenths in two orders differ by rounding."""
+    for seed in range(80):
+        model = scaled(rich_model(seed), 0.1, routes=5)
+        found = ct.solve(model, NAME)
+        assert found.verified or found.termination == "infeasible", seed
 
 
 def test_arc_flow_agrees_with_enumeration():
