@@ -51,7 +51,7 @@ class Tour(NamedTuple):
     counts: Whole
 
 
-@kernel
+@kernel(allocates=False)
 def _flip(tour: Tour, i: int, j: int) -> None:
     """Reverse the path from position `i` to `j`, or the rest of the tour if that is shorter."""
     lists = tour.lists
@@ -71,7 +71,7 @@ def _flip(tour: Tour, i: int, j: int) -> None:
         j = n - 1 if j == 0 else j - 1
 
 
-@kernel
+@kernel(allocates=False)
 def _reverse(tour: Tour, first: int, last: int) -> None:
     """Reverse the path from node `first` to node `last` and record it."""
     i, j = tour.lists[1, first], tour.lists[1, last]
@@ -81,7 +81,7 @@ def _reverse(tour: Tour, first: int, last: int) -> None:
     _flip(tour, i, j)
 
 
-@kernel
+@kernel(allocates=False)
 def _undo(tour: Tour, count: int) -> None:
     """Undo all reversals except the first `count`."""
     while tour.counts[1] > count:
@@ -90,7 +90,7 @@ def _undo(tour: Tour, count: int) -> None:
         _flip(tour, tour.flips[0, k], tour.flips[1, k])
 
 
-@kernel
+@kernel(allocates=False)
 def _push(tour: Tour, node: int) -> None:
     """Add `node` to the stack."""
     if not tour.lists[3, node]:
@@ -99,7 +99,7 @@ def _push(tour: Tour, node: int) -> None:
         tour.counts[0] += 1
 
 
-@kernel
+@kernel(allocates=False)
 def _beside(tour: Tour, node: int, step: int) -> int:
     """Return the next (`step` 1) or previous (-1) node of the tour."""
     n = tour.lists.shape[1]
@@ -111,7 +111,7 @@ def _beside(tour: Tour, node: int, step: int) -> int:
     return int(tour.lists[0, i])
 
 
-@kernel
+@kernel(allocates=False)
 def _exchange(tour: Tour, base: int, ahead: int, which: int) -> float:
     """Exchange edges, beginning with that from `base` to its neighbour `ahead`; return the gain.
 
@@ -158,7 +158,7 @@ def _exchange(tour: Tour, base: int, ahead: int, which: int) -> float:
     return best
 
 
-@kernel
+@kernel(allocates=False)
 def _shift(tour: Tour, base: int, step: int) -> float:
     """Move a short segment that begins at `base` and continues in direction `step`; return the gain."""
     d, near, lists = tour.distances, tour.near, tour.lists
@@ -206,7 +206,7 @@ def _shift(tour: Tour, base: int, step: int) -> float:
     return 0.0
 
 
-@kernel
+@kernel(allocates=False)
 def _descend(tour: Tour, flag: NDArray[np.int8], forget: bool) -> float:
     """Improve the tour until no node of the stack has an improving move; return the gain."""
     counts, total = tour.counts, 0.0
@@ -233,7 +233,7 @@ def _descend(tour: Tour, flag: NDArray[np.int8], forget: bool) -> float:
     return total
 
 
-@kernel(interpretable=True, in_place=True)
+@kernel(interpretable=True, in_place=True, allocates=False)
 def chain(
     tour: Tour, kicks: int, hot: float, cold: float, flag: NDArray[np.int8], draw: Any
 ) -> tuple[int, float]:

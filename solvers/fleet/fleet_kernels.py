@@ -101,7 +101,7 @@ def workspace(routes: Routes) -> Work:
     return Work(np.zeros(2 * SAVED), np.zeros((2, 2 * half)), lists, costs)
 
 
-@kernel
+@kernel(allocates=False)
 def excess(limits: Floats, k: int, load: float, carried: float) -> float:
     """Return the relative violation of the battery and the capacity of vehicle `k`."""
     broken = 0.0
@@ -112,7 +112,7 @@ def excess(limits: Floats, k: int, load: float, carried: float) -> float:
     return broken
 
 
-@kernel
+@kernel(allocates=False)
 def judge(
     rules: Floats,
     m: int,
@@ -152,7 +152,7 @@ def judge(
     return energy + rules[7] * broken * (mean + longest), objective, broken
 
 
-@kernel(interpretable=True, in_place=True)
+@kernel(interpretable=True, in_place=True, allocates=False)
 def measure(fleet: Fleet, routes: Routes, work: Work) -> tuple[float, float, float]:
     """Compute all loads and `work` afresh; return energy, objective and relative violation of limits."""
     distances, place, links, values = fleet.distances, fleet.place, routes.links, routes.values
@@ -188,7 +188,7 @@ def measure(fleet: Fleet, routes: Routes, work: Work) -> tuple[float, float, flo
     return judge(fleet.rules, m, sums[TOTAL], sums[SQUARES], trees[0, 1], trees[1, 1], sums[BROKEN])
 
 
-@kernel
+@kernel(allocates=False)
 def assign(
     limits: Floats, values: Floats, work: Work, k: int, load: float, carried: float, count: float
 ) -> None:
@@ -219,7 +219,7 @@ def assign(
         trees[0, i], trees[1, i] = longest, shortest
 
 
-@kernel
+@kernel(allocates=False)
 def join(fleet: Fleet, routes: Routes, work: Work, node: int, a: int, k: int, sign: int) -> None:
     """Insert `node` behind `a` in the route of vehicle `k` (`sign` 1), or remove it from there (-1)."""
     distances, place, links, values = fleet.distances, fleet.place, routes.links, routes.values
@@ -245,7 +245,7 @@ def join(fleet: Fleet, routes: Routes, work: Work, node: int, a: int, k: int, si
         links[ROUTE, node] = -1
 
 
-@kernel
+@kernel(allocates=False)
 def copy_entry(source: Routes, target: Routes, i: int) -> None:
     """Copy entry `i`, and for a mark the values of its vehicle."""
     k = i - source.links.shape[1] + source.values.shape[1]

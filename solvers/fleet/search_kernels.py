@@ -74,13 +74,13 @@ FEW, OTHERS = 5, 2
 AFRESH = 4096
 
 
-@kernel
+@kernel(allocates=False)
 def _pick(draw: Any, count: int) -> int:
     """Return a random number of 0 … count - 1; compiles faster than ``draw.integers``."""
     return min(int(draw.random() * count), count - 1)
 
 
-@kernel
+@kernel(allocates=False)
 def _ruin(fleet: Fleet, routes: Routes, work: Work, draw: Any) -> int:
     """Remove adjacent strings of nodes from the routes; return the number of nodes."""
     nodes, near, links, values = fleet.nodes, fleet.near, routes.links, routes.values
@@ -126,7 +126,7 @@ def _ruin(fleet: Fleet, routes: Routes, work: Work, draw: Any) -> int:
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def _sort(fleet: Fleet, work: Work, count: int, draw: Any) -> None:
     """Order the removed nodes: at random, from far to near or reversed, or by demand."""
     home, how, lists, costs = fleet.place[-1], _pick(draw, 8), work.lists, work.costs
@@ -148,7 +148,7 @@ def _sort(fleet: Fleet, work: Work, count: int, draw: Any) -> None:
         costs[0, j], lists[TAKEN, j] = key, node
 
 
-@kernel
+@kernel(allocates=False)
 def _vehicle(work: Work, m: int, which: int, all_idle: bool, draw: Any) -> int:
     """Return a vehicle whose route may be far away: the shortest, a random one, or an idle one."""
     idle = int(work.sums[RESTING])
@@ -167,7 +167,7 @@ def _vehicle(work: Work, m: int, which: int, all_idle: bool, draw: Any) -> int:
     return int(work.lists[IDLE, _pick(draw, idle)])
 
 
-@kernel
+@kernel(allocates=False)
 def _recreate(fleet: Fleet, routes: Routes, work: Work, count: int, draw: Any) -> None:
     """Reinsert the removed nodes one by one, each at the position of least energy."""
     near, distances, place, limits = fleet.near, fleet.distances, fleet.place, fleet.limits
@@ -264,7 +264,7 @@ def _recreate(fleet: Fleet, routes: Routes, work: Work, count: int, draw: Any) -
         join(fleet, routes, work, node, lists[BEHIND, chosen], chosen, 1)
 
 
-@kernel(interpretable=True, in_place=True)
+@kernel(interpretable=True, in_place=True, allocates=False)
 def anneal(
     fleet: Fleet,
     routes: Routes,
