@@ -111,12 +111,15 @@ def read_spprclib(path: str | os.PathLike[str], **fields: Any) -> ResourceRoutin
         uses[:, column] += 1.0 if word == "NODELIM" else at_node[arcs[:, 0 if word == "TW" else 1]]
         most = dict.fromkeys(range(len(kinds)), high if word != "TW" else math.inf)
         most.update({k: min(most[k], window[1]) for k, window in windows.items()})
+        opens = {kinds[k]: window[0] for k, window in windows.items() if window[0] > 0}
+        least = {kinds[end]: low} if low > 0 and word != "TW" else {}
+        if word != "TW":  # only time windows wait
+            least = opens | {kind: max(low, opens.get(kind, 0.0)) for kind in least}
         resources.append(
             Resource(
                 f"resource {key:g}", initial=float(word == "NODELIM"),
                 limits={kinds[k]: limit for k, limit in most.items() if limit < math.inf},
-                floors={kinds[k]: window[0] for k, window in windows.items() if window[0] > 0},
-                lower_limits={kinds[end]: low} if low > 0 and word != "TW" else {},
+                floors=opens if word == "TW" else {}, lower_limits=least,
             )
         )  # fmt: skip
     data = {

@@ -115,3 +115,16 @@ def test_lower_limits_of_the_or_library(tmp_path):
     path.write_text("2 2 1\n4\n9\n0 0\n1 2 1 1\n1 2 2 5\n")
     with pytest.raises(CrosstrackError, match="two arcs join"):
         read_rcsp(path)
+
+
+def test_only_time_windows_wait(tmp_path):
+    """A lower bound at a node is the opening of a window, but a lower limit of a capacity."""
+    text = (
+        "SIZE: 3\nORIGIN: 0\nDESTINATION: 2\nRES_TYPE\n0 {}\nEND\nRES_BOUND\n0 0 9\nEND\n"
+        "RES_NODE_BOUND\n0 1 4 9\nEND\nEDGE_COST\n0 1 1\n1 2 1\n0 2 5\nEND\n"
+        "NODE_CONSUMPTION\n0 1 2\nEND\n"
+    )
+    for word, route in (("CAP", (0, 2)), ("TW", (0, 1, 2))):
+        file = tmp_path / f"{word}.sppcc"
+        file.write_text(text.format(word))
+        assert ct.solve(read_spprclib(file), "resource-labelling").plan.route == route
