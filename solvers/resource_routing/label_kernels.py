@@ -237,7 +237,7 @@ def best_first(
             ):
                 heappush(heap, (key, used))
                 used += 1
-    sizes, points = np.zeros(ends, np.int64), np.empty(ends * 0, np.int64)
+    sizes, points = np.zeros(ends, np.int64), np.empty(0, np.int64)
     for k in range(ends):
         route = route_of(labels, end[k])
         sizes[k], points = len(route), np.concatenate((points, route))
