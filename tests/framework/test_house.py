@@ -168,10 +168,10 @@ GOALS = {
 EXCEPTIONS = {
     "attractor": (5600, "13 estimators with uncertainties, calibrated systems and hunts"),
     "fleet": (
-        11_200,
+        11_400,
         (
             "fleet-search, bounds, subset-dp and four algorithms of the paper; rich fleets with their schedule, checks, "
-            "reader and two adapters have about 2,800, column generation 1,700, tours and parts 1,000"
+            "readers and two adapters have about 2,900, column generation 1,800, tours and parts 1,000"
         ),
     ),
     "grid_path": (
@@ -229,4 +229,4 @@ def test_the_package_keeps_its_ceiling(checkout):
     rooms = ("models", "solvers", "instances", "cli")
     files = [path for room in rooms for path in (checkout / room).rglob("*.py")]
     files += checkout.glob("*.py")
-    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 152_600
+    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 152_750
