@@ -240,11 +240,7 @@ class _Search:
         heuristic: FleetBackend = FleetSearch()
         options: dict[str, Any] = {"bound": False}
         if heuristic.refuses(self.model):
-            routes = insert_nodes(
-                self.network, self.prizes / self.unit, self.priced, lambda: self.control.stopped
-            )
-            if routes:
-                self.offer(routes)
+            self._insert()
             heuristic, options = PyVrpRouting(), {}
             if heuristic.missing() or heuristic.refuses(self.model):
                 return
@@ -259,8 +255,17 @@ class _Search:
             )  # fmt: skip
             if answer.point is not None:
                 self.keep(answer.point)
+        if self.plan is None:
+            self._insert()
         if not self.control.stopped and not self.closed and not self.model.is_rich:
             self.prove(lower_bound(self.model, self.control.flag))
+
+    def _insert(self) -> None:
+        """Offer routes by cheapest insertion."""
+        prizes = self.prizes / self.unit
+        routes = insert_nodes(self.network, prizes, self.priced, lambda: self.control.stopped)
+        if routes:
+            self.offer(routes)
 
     def _first_columns(self) -> None:
         """Add the routes of the incumbent, and single nodes."""

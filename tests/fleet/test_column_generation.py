@@ -24,6 +24,7 @@ from crosstrack.solvers.fleet.route_master import Master, visits_twice
 from crosstrack.solvers.fleet.route_pricing import Network, Prices, Pricing, kinds_of
 from crosstrack.solvers.fleet.route_start import insert_nodes
 from crosstrack.solvers.fleet.route_tree import Node, Tree
+from crosstrack.timing import OutOfTime
 
 FILES = Path(__file__).parents[3] / "shared" / "data" / "fleet-vrplib" / "CVRP"
 needs_files = pytest.mark.skipif(
@@ -380,3 +381,20 @@ def test_insertion_skips_prizes_below_the_detour():
     network = Network(model, kinds_of(model))
     routes = insert_nodes(network, np.array([3.0, 3.0]) / network.unit, True, lambda: False)
     assert routes == [(0, (0,))]
+
+
+def test_starts_by_insertion_if_the_search_does_not_compile_in_time(monkeypatch):
+    def is_late(*_):
+        raise OutOfTime
+
+    def stop(*_):
+        raise route_tree.Stopped
+
+    monkeypatch.setattr(column_generation.FleetSearch, "run", is_late)
+    monkeypatch.setattr(column_generation._Search, "_root", stop)
+    model = FleetRouting(
+        3, points=np.random.default_rng(0).random((16, 2)), objective="sum", demands=[0] + [1] * 15,
+        capacity=6,
+    )  # fmt: skip
+    answer = ct.solve(model, "column-generation", time_limit=20.0)
+    assert (answer.termination, answer.verification.ok) == ("feasible", True)
