@@ -1,6 +1,7 @@
 """Column generation: optima and bounds against enumeration, and the reduced costs of its pricing."""
 
 import itertools
+import sys
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -18,6 +19,7 @@ from crosstrack.instances import entry
 from crosstrack.instances.fleet import read_vrplib
 from crosstrack.models import FleetRouting
 from crosstrack.solvers.contract.backend import Request
+from crosstrack.solvers.contract.registry import find_backend, rivals
 from crosstrack.solvers.fleet import column_generation, route_tree
 from crosstrack.solvers.fleet.route_kernels import CUTS
 from crosstrack.solvers.fleet.route_master import Master, visits_twice
@@ -27,6 +29,17 @@ from crosstrack.solvers.fleet.route_tree import Node, Tree
 from crosstrack.timing import OutOfTime
 
 FILES = Path(__file__).parents[3] / "shared" / "data" / "fleet-vrplib" / "CVRP"
+
+
+@pytest.fixture
+def in_this_process():
+    """Skip a test that replaces parts of the backend if it would run in another process."""
+    if any(module in sys.modules for module in rivals(find_backend("column-generation"))):
+        pytest.skip(
+            "a library is loaded that clashes with HiGHS, so the backend runs in another process"
+        )
+
+
 needs_files = pytest.mark.skipif(
     not FILES.exists(),
     reason="the public instances lie in ../shared/data/fleet-vrplib, which is absent",
@@ -58,7 +71,7 @@ def settled(model, answer, value):
 
 @pytest.mark.parametrize("block", range(10))
 @pytest.mark.parametrize("start", [True, False])
-def test_equals_enumeration(block, start, monkeypatch):
+def test_equals_enumeration(block, start, monkeypatch, in_this_process):
     """Without the heuristic and its bounds, the routes and the proof come from column generation alone."""
     if not start:
         monkeypatch.setattr(column_generation._Search, "_start", lambda self: None)
@@ -307,7 +320,7 @@ def test_bound_is_not_above_its_value_in_rational_numbers(seed):
     assert below == pytest.approx(float(exact), rel=0, abs=1e-11 * max(size, 1.0))
 
 
-def test_bound_without_its_margin_would_be_above(monkeypatch):
+def test_bound_without_its_margin_would_be_above(monkeypatch, in_this_process):
     monkeypatch.setattr(route_tree, "EPSILON", 0.0)
     results = [exact_and_computed(seed) for seed in range(12)]
     assert any(Fraction(below) > exact for exact, below, _ in results)
@@ -364,7 +377,7 @@ def timed_fleet():
     )  # fmt: skip
 
 
-def test_insertion_gives_a_first_plan_without_other_packages(monkeypatch):
+def test_insertion_gives_a_first_plan_without_other_packages(monkeypatch, in_this_process):
     monkeypatch.setattr(column_generation.PyVrpRouting, "missing", lambda self: ("pyvrp",))
     model = timed_fleet()
     network = Network(model, kinds_of(model))
@@ -383,7 +396,7 @@ def test_insertion_skips_prizes_below_the_detour():
     assert routes == [(0, (0,))]
 
 
-def test_starts_by_insertion_if_the_search_does_not_compile_in_time(monkeypatch):
+def test_starts_by_insertion_if_the_search_does_not_compile_in_time(monkeypatch, in_this_process):
     def is_late(*_):
         raise OutOfTime
 

@@ -70,6 +70,10 @@ WITHOUT = {("unknown_grid", "oracle")}
 
 def solve_until_a_plan(monkeypatch, model, name):
     """Return the answer of a run that is stopped as soon as a plan is reported."""
+    if (
+        name == "column-generation"
+    ):  # runs in another process if a library that clashes with HiGHS is loaded
+        return ct.solve(model, name, time_limit=60.0, target=1e300)
     report = Control.incumbent
 
     def report_and_stop(self, *arguments, **keywords):
@@ -90,7 +94,8 @@ def test_a_stopped_run_returns_the_plan_of_its_heuristic(case, monkeypatch):
     found = solve_until_a_plan(monkeypatch, model, case[1])
     assert found.termination in ("feasible", "optimal")
     if has_start:
-        assert (found.termination, found.limit) == ("feasible", Limit.TIME)
+        assert found.termination == "feasible"
+        assert found.limit in (Limit.TIME, Limit.TARGET)
     assert found.verified and not found.verification.within_tolerance
     assert found.primal_bound >= best.dual_bound * (1 - 1e-9)
     if found.dual_bound is not None:
