@@ -313,13 +313,18 @@ def callees(kernel: Any) -> set[Any]:
     return result
 
 
-def stamp_of(kernel: Any) -> tuple[tuple[str, int, int], ...]:
-    """Return name, time and size of all Python files in the folders of `kernel` and its callees."""
-    folders = {Path(item.py_func.__code__.co_filename).parent for item in callees(kernel)}
+def stamp_of(kernel: Any) -> tuple[object, ...]:
+    """Return the state of the code of `kernel` and its callees.
+
+    It consists of name, time and size of all Python files in their folders, and whether each kernel allocates.
+    """
+    parts = callees(kernel)
+    folders = {Path(item.py_func.__code__.co_filename).parent for item in parts}
     files = sorted(path for folder in folders for path in folder.glob("*.py"))
     # An editor's lock file may be a dangling link, for which stat() raises.
     stamps = ((path.name, path.lstat()) for path in files)
-    return tuple((name, stamp.st_mtime_ns, stamp.st_size) for name, stamp in stamps)
+    flags = sorted((item.py_func.__name__, item.allocates) for item in parts)
+    return *((name, stamp.st_mtime_ns, stamp.st_size) for name, stamp in stamps), *flags
 
 
 def compile_here() -> None:
