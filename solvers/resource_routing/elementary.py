@@ -34,7 +34,7 @@ class Found:
     route : ndarray of int64
         Points from start to end, empty without one.
     length : float
-        Length of the route, inf without one.
+        Length of the route, inf without one or if only longer walks than the first one are simple.
     bound : float
         Lower bound on the length of every route.
     made, settled : int
@@ -88,11 +88,13 @@ def elementary(
         # Every round is a relaxation, so bounds of earlier rounds remain valid.
         bound = max(bound, result.bound)
         made, settled, rounds = made + result.made, settled + result.settled, rounds + result.rounds
-        repeated = np.empty(0, np.int64)
+        repeated, simple = np.empty(0, np.int64), []
         for walk in (result.route, *result.others):
             points, times = np.unique(walk, return_counts=True)
             repeated = np.union1d(repeated, points[times > 1])
-            if learn is not None and (times > 1).any():
+            if not (times > 1).any():
+                simple.append(walk)
+            elif learn is not None:
                 learn(walk)
         total = replace(
             result, bound=bound, made=made, settled=settled, rounds=rounds, critical=critical.size
@@ -100,7 +102,9 @@ def elementary(
         if revisits or repeated.size == 0:
             return total
         if result.status in (STOPPED, FULL):
-            # The walk repeats points, and the search cannot continue.
-            return replace(total, route=np.empty(0, np.int64), length=np.inf, others=())
+            # The search cannot continue, and walks that repeat points are no routes.
+            first, *others = simple or [np.empty(0, np.int64)]
+            length = result.length if first is result.route else np.inf
+            return replace(total, route=first, length=length, others=tuple(others))
         if learn is None:
             critical = np.union1d(critical, repeated)

@@ -86,8 +86,13 @@ class ResourceLabelling(RouteSearch):
             bound = max(result.bound, min(proven, result.length))
             if result.status != NOTHING:
                 break
-        if start.route is not None and not result.route.size and result.status != NOTHING:
-            result = replace(result, route=np.array(start.route.route), length=start.length)
+        if start.route is not None and result.status != NOTHING:
+            # A stopped search may have found longer routes only.
+            ways = [tuple(way.tolist()) for way in (result.route, *result.others) if way.size]
+            ways += [] if start.route.route in ways else [start.route.route]
+            ways.sort(key=lambda way: self.measure(problem, Route(way)))
+            first, *others = map(np.array, ways[: problem.routes])
+            result = replace(result, route=first, others=tuple(others))
         return replace(result, made=made, settled=settled, bound=bound), {"arcs": arcs}
 
 
@@ -155,7 +160,12 @@ def _under(
         start.search(net, bounds.ahead, rows)
         if problem.routes == 1:
             cutoff = min(cutoff, start.length * (1.0 + MARGIN))
-    light = MOST_LABELS if signed or not cumulative(net).size else LIGHT + 4 * len(rows)
+        else:
+            # The first search of several routes makes many labels.
+            bounds = best_bounds(net) or bounds
+    light = LIGHT + 4 * len(rows)
+    if signed or problem.routes > 1 or not cumulative(net).size:
+        light = MOST_LABELS
     memory, shut = Memory(net, signed), shut_levels(net)
 
     def search(critical: NDArray[np.int64], proven: float) -> Found:

@@ -9,7 +9,10 @@ from resource_draws import neighbours
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.models import Model, Resource, ResourceRouting, Route
-from crosstrack.solvers.resource_routing import multipliers
+from crosstrack.solvers import Request
+from crosstrack.solvers.resource_routing import labelling, multipliers, start
+from crosstrack.solvers.resource_routing.elementary import Found, elementary
+from crosstrack.solvers.resource_routing.outcomes import STOPPED
 
 NAME = "resource-labelling"
 ERRAND, NETWORK = "64db977cb4b9fe40", "6101d3ed5fdcb9a5"
@@ -101,6 +104,33 @@ def test_several_routes_are_the_best_ones(count):
         assert model.verify(found.plan).ok
         assert Model.from_json(model.to_json()) == model
         assert model.plan_from_data(model.plan_to_data(found.plan)) == found.plan
+
+
+@pytest.mark.parametrize(
+    ("walks", "expected", "length"),
+    [
+        ([[0, 3], [0, 1, 2, 1, 3]], [[0, 3]], 1.0),
+        ([[0, 1, 2, 1, 3], [0, 2, 3]], [[0, 2, 3]], math.inf),
+        ([[0, 1, 2, 1, 3]], [[]], math.inf),
+    ],
+)
+def test_a_stopped_search_keeps_its_simple_routes(walks, expected, length):
+    first, *others = map(np.array, walks)
+    stopped = Found(STOPPED, first, 1.0, 0.5, 1, 1, others=tuple(others))
+    found = elementary(lambda *_: stopped, revisits=False)
+    assert [way.tolist() for way in (found.route, *found.others)] == expected
+    assert found.length == length and found.bound == 0.5
+
+
+def test_a_stopped_search_of_several_routes_keeps_the_first_known_route(monkeypatch):
+    """It may have found longer routes only."""
+    model = bank(routes=2)
+    worse = Found(STOPPED, np.array([0, 2, 3]), 3.0, -2.0, 1, 1, others=(np.array([0, 3]),))
+    monkeypatch.setattr(labelling, "_under", lambda *_: (worse, 0))
+    monkeypatch.setattr(start.Start, "begin", lambda self: self._keep(Route((0, 1, 3))))
+    answer = labelling.ResourceLabelling().run(model, Request(time_limit=60))
+    assert (answer.termination, answer.primal_bound) == ("feasible", -1.0)
+    assert answer.point.route == (0, 1, 3) and len(answer.point.others) == 1
 
 
 def bank(**fields):
