@@ -82,8 +82,8 @@ class Parts:
 
         return by_length
 
-    def improve(self, flag: NDArray[np.int8]) -> bool:
-        """Anneal one part; return whether the routes changed."""
+    def improve(self, flag: NDArray[np.int8], steps: int = 0) -> bool:
+        """Anneal one part in `steps`, :data:`STEPS` per entry if 0; return whether the routes changed."""
         model, draw = self.model, self.draw
         pool = model.customers
         if model.objective in (Objective.MAX, Objective.LEXICOGRAPHIC) and draw.random() < LONG:
@@ -105,7 +105,7 @@ class Parts:
             entries += pieces
         candidate = Candidate(self._part(entries, touched), stops)
         before = candidate.key
-        self.steps += candidate.anneal(HOT, STEPS * len(entries), flag, draw)
+        self.steps += candidate.anneal(HOT, steps or STEPS * len(entries), flag, draw)
         if not candidate.key < before:
             return False
         return self._accept(

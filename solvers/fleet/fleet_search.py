@@ -54,6 +54,9 @@ HOT, WARM = 0.02, 0.01
 STRICTER, STRICTEST = 2.0, 1e4
 #: Largest number of nodes of one tour, whose distances are stored.
 MOST_IN_TOUR = 5000
+#: Largest number of points whose bound uses all distances, which takes 0.6 s and 0.3 GB. The spanning tree gives
+#: a bound that is 9 % lower for 5 vehicles and 2000 random points, and 45 % lower for 20 vehicles and 1000.
+MOST_PRICED = 2000
 #: Parts without improvement after which a search ends, beside three times all parts.
 PARTS = 50
 #: Relative improvement of the objective required for a new incumbent.
@@ -84,7 +87,11 @@ class FleetSearch(FleetBackend):
             lower=1,
         ),
         "steps": Option(
-            0, "Steps of one annealing; 0 means 250 per node, from 500 to 50000.", int, lower=0
+            0,
+            "Steps of one annealing; 0 means 250 per node, from 500 to 50000, and 60 per node of each part "
+            "if more than 1000 nodes are planned in parts.",
+            int,
+            lower=0,
         ),
         "bound": Option(True, "Whether to prove a lower bound as well.", bool),
     }
@@ -186,12 +193,12 @@ class _Search:
         self.keep_if_verified(parts)
         if request.options["bound"] and not self.within_gap:
             begin, plane = clock(), model.costs is None and model.metric is not Metric.GRID
-            flag = request.control.flag
-            self.prove(tree_bound(model) if plane else lower_bound(model, flag))
+            lean, flag = plane and model.size > MOST_PRICED, request.control.flag
+            self.prove(tree_bound(model) if lean else lower_bound(model, flag))
             self.proving += clock() - begin
         idle, most = 0, request.options["patience"] * (PARTS + 3 * model.size // SIZE)
         while idle < most and not (self.must_stop or self.within_gap):
-            better = parts.improve(request.control.flag)
+            better = parts.improve(request.control.flag, request.options["steps"])
             idle = 0 if better else idle + 1
             self.rounds += 1
             if better and parts.objective < self.objective:

@@ -14,6 +14,7 @@ from crosstrack.models import FleetRouting
 from crosstrack.models.fleet import FleetPlan, data
 from crosstrack.models.fleet.checks import loads_of
 from crosstrack.solvers.fleet import decomposition, fleet_search, start
+from crosstrack.solvers.fleet.bound import lower_bound
 from crosstrack.solvers.fleet.candidate import Candidate, scaled
 from crosstrack.solvers.fleet.decomposition import Parts
 from crosstrack.solvers.fleet.fleet_kernels import Routes, measure, workspace
@@ -217,3 +218,13 @@ def test_points_at_one_place_are_planned():
     found = ct.solve(FleetRouting(3, points=np.ones((1500, 2))), "fleet-search", time_limit=2.0)
     assert found.verified
     assert found.primal_bound == 0.0
+
+
+@pytest.mark.usefixtures("small_parts")
+def test_a_search_in_parts_keeps_its_options_and_the_bound_of_all_distances():
+    points = np.random.default_rng(0).random((40, 2))
+    model = FleetRouting(3, points=points, objective="max")
+    found = ct.solve(model, "fleet-search", backend_options={"steps": 7, "bound": False}, seed=0)
+    assert found.statistics["steps"] == 7 * found.statistics["rounds"] > 0
+    found = ct.solve(model, "fleet-search", backend_options={"steps": 7}, seed=0)
+    assert found.dual_bound == lower_bound(model, RUNNING) > 1.05 * tree_bound(model)
