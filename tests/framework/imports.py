@@ -1,6 +1,7 @@
 """The import graph of the package, read from its files: every import counts, deferred and for types."""
 
 import ast
+import gc
 from functools import cache
 
 TOP = ("cli", "instances", "models", "solvers")
@@ -13,11 +14,15 @@ def modules(checkout):
     for room in TOP:
         files += sorted((checkout / room).rglob("*.py"))
     found = []
+    gc.collect()
+    gc.disable()  # it would visit the growing trees again and again, two thirds of the time
     for path in files:
         parts = ["crosstrack", *path.relative_to(checkout).with_suffix("").parts]
         package = parts[:-1]
         name = package if parts[-1] == "__init__" else parts
         found.append((".".join(name), package, ast.parse(path.read_text("utf-8"), str(path))))
+    gc.freeze()
+    gc.enable()
     return found
 
 
