@@ -37,8 +37,8 @@ def across(grid):
     return GridPath(grid, first, last)
 
 
-#: Only libraries solve these rich fleets.
-LIBRARIES = ("fleet/mixed-6", "fleet/windows-7")
+#: Only libraries solve this rich fleet.
+LIBRARIES = ("fleet/mixed-6",)
 NAMES = [
     entry.name
     for entry in entries()
