@@ -133,8 +133,6 @@ def test_refuses_features_by_name(name: str, fields: dict[str, Any], reason: str
 def test_claims_nothing_about_infeasible_models(name: str, fields: dict[str, Any]) -> None:
     need(name)
     model = FleetRouting(2, points=SQUARE, **{"objective": "sum"} | fields)
-    if find_backend(name).refuses(model):
-        return
     answer = solved(model, name, time_limit=0.5)
     assert answer.plan is None
     assert answer.bound is None
