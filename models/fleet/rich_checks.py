@@ -30,12 +30,18 @@ Floats = NDArray[np.float64]
 
 
 class _Row(NamedTuple):
-    """One place of a rule: the value, its upper limit, the scale of the tolerance, and the place."""
+    """One place of a rule: the value, its limit, the scale of the tolerance, and where it applies."""
 
     value: float
     limit: float
     scale: float
-    where: str
+    vehicle: int
+    place: str = ""  #: text after the vehicle
+
+    @property
+    def where(self) -> str:
+        """Name of the place."""
+        return f"vehicle {self.vehicle}{self.place}"
 
 
 def split_trips(model: RichData, route: tuple[int, ...]) -> list[list[int]]:
@@ -138,7 +144,7 @@ def _windows(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
             if begin > -math.inf:
                 scale = abs(end if time > end else begin)
                 excess = max(begin - time, time - end)
-                yield _Row(excess, 0.0, scale, f"vehicle {k}, node {model.label(node)}")
+                yield _Row(excess, 0.0, scale, k, f", node {model.label(node)}")
 
 
 def _moves(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
@@ -148,11 +154,11 @@ def _moves(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
         for place, (tail, head) in enumerate(itertools.pairwise(nodes)):
             stay = float(service[tail]) if place else 0.0
             ready = times[place] + stay + float(model.base_times[tail, head] / model.speeds[k])
-            place_name = f"vehicle {k}, to node {model.label(head)}"
-            yield _Row(ready - times[place + 1], 0.0, abs(ready), place_name)
+            to = f", to node {model.label(head)}"
+            yield _Row(ready - times[place + 1], 0.0, abs(ready), k, to)
         if len(nodes) < len(times):
             ready = times[-2] + float(service[nodes[-1]])
-            yield _Row(ready - times[-1], 0.0, abs(ready), f"vehicle {k}, end of the route")
+            yield _Row(ready - times[-1], 0.0, abs(ready), k, ", end of the route")
 
 
 def _releases(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
@@ -171,8 +177,8 @@ def _releases(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
             for node in trip:
                 release = float(model.releases[node])
                 if model.is_customer[node]:
-                    where = f"vehicle {k}, node {model.label(node)}"
-                    yield _Row(release - departs, 0.0, abs(release), where)
+                    place_name = f", node {model.label(node)}"
+                    yield _Row(release - departs, 0.0, abs(release), k, place_name)
             place += len(trip) + 1
 
 
@@ -180,9 +186,9 @@ def _shifts(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
     """Yield how much a route departs before or returns after the shift of its vehicle."""
     for k, _, times in _paths(model, plan):
         begin, end = (0.0, math.inf) if model.shifts is None else model.shifts[k].tolist()
-        yield _Row(begin - times[0], 0.0, abs(begin), f"vehicle {k}, departure")
+        yield _Row(begin - times[0], 0.0, abs(begin), k, ", departure")
         if end < math.inf:
-            yield _Row(times[-1] - end, 0.0, abs(end), f"vehicle {k}, return")
+            yield _Row(times[-1] - end, 0.0, abs(end), k, ", return")
 
 
 def _durations(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
@@ -191,7 +197,7 @@ def _durations(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
     for k, _, times in _paths(model, plan):
         limit = float(model.max_duration[k])
         if limit < math.inf:
-            yield _Row(times[-1] - times[0], limit, limit, f"vehicle {k}")
+            yield _Row(times[-1] - times[0], limit, limit, k)
 
 
 def _loads(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
@@ -205,8 +211,8 @@ def _loads(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
             change = np.vstack([taken[trip].sum(axis=0), added[trip] - taken[trip]])
             for c, value in enumerate(np.cumsum(change, axis=0).max(axis=0).tolist()):
                 limit = float(limits[k, c])
-                where = f"vehicle {k}" + f", dimension {c}" * (limits.shape[1] > 1)
-                yield _Row(value, limit, limit or float(largest[c]), where)
+                dimension = f", dimension {c}" * (limits.shape[1] > 1)
+                yield _Row(value, limit, limit or float(largest[c]), k, dimension)
 
 
 def _backhauls(model: RichData, plan: FleetPlan) -> Iterator[str]:
@@ -264,7 +270,7 @@ def _reloads(model: RichData, plan: FleetPlan) -> Iterator[_Row]:
     assert model.max_reloads is not None
     for k, route in enumerate(plan.routes):
         count = len(split_trips(model, route)) - 1
-        yield _Row(count, int(model.max_reloads[k]), 0.0, f"vehicle {k}")
+        yield _Row(count, int(model.max_reloads[k]), 0.0, k)
 
 
 class RichCheck(NamedTuple):
@@ -298,16 +304,18 @@ RICH_CHECKS = (
 def rich_checks(model: RichData, plan: FleetPlan, tolerance: float) -> list[Check]:
     """Return the checks of the rules of a rich `model`; `plan` has one route per vehicle.
 
-    The tolerance of a time is relative to its limit, and to the time between the first departure and the
-    last return if that is shorter, so that it does not depend on the origin of the times.
+    The tolerance of a time is relative to its limit, and to the travel and service times of its route if
+    these are less. It therefore depends neither on the origin of the times nor on waiting.
     """
     checks, untimed = [], []
     if model.has_times:
         untimed = missing_times(plan)
         checks.append(Check.count("times of each route", untimed))
-    times = [time for row in plan.starts or () for time in row]
-    horizon = max(times, default=0.0) - min(times, default=0.0)
-    rounding = 1e-12 * max(map(abs, times), default=0.0)
+    work, rounding = np.zeros(model.vehicles), np.zeros(model.vehicles)
+    for k, nodes, times in _paths(model, plan) if model.has_times and not untimed else ():
+        service = 0.0 if model.service is None else model.service[list(plan.routes[k])].sum()
+        work[k] = service + model.base_times[nodes[:-1], nodes[1:]].sum() / model.speeds[k]
+        rounding[k] = min(1e-12 * max(map(abs, times)), tolerance * work[k])
     for name, attribute, unit, rule in RICH_CHECKS:
         value = getattr(model, attribute)
         if value is None or value is False or (untimed and unit):
@@ -318,12 +326,13 @@ def rich_checks(model: RichData, plan: FleetPlan, tolerance: float) -> list[Chec
         if places or not rows:
             checks.append(Check.count(name, places))
             continue
-        columns = (np.array(column, float) for column in list(zip(*values, strict=True))[:3])
-        value, limits, scales = columns
+        value, limits, scales = np.array([row[:3] for row in values], float).T
+        vehicles = [row.vehicle for row in values]
         checks.append(
             Check.within(
                 name, value, limits, unit, lambda i, rows=values: rows[i].where, tolerance,
-                scale=np.minimum(scales, horizon) if unit else scales, noise=rounding if unit else 0.0,
+                scale=np.minimum(scales, work[vehicles]) if unit else scales,
+                noise=rounding[vehicles] if unit else 0.0,
             )
         )  # fmt: skip
     return checks

@@ -17,8 +17,8 @@ POINTS = np.array([[0.0, 0.0], [0.0, 3.0], [4.0, 3.0], [4.0, 0.0]])
 #: Departures at 1 s, services at 4 and 8 s of 1 s each, return at 14 s; and 2, 6, 11 s.
 ROUTES = [[1, 2], [3]]
 STARTS = [[1.0, 4.0, 9.0, 15.0], [2.0, 6.0, 11.0]]
-#: Time between the first departure and the last return, which limits the scale of the tolerances.
-HORIZON = 14.0
+#: Travel and service times of each route, which limit the scale of the tolerances.
+WORK = (14.0, 9.0)
 
 
 def fleet(scale=1.0, **fields):
@@ -34,14 +34,14 @@ def verify(model, scale, **plan):
     return model.verify(plan_of(scale, **plan), tolerance=TOLERANCE)
 
 
-def above(value, share, scale, noise=15.0e-12):
+def above(value, share, scale, noise=15.0e-12, vehicle=0):
     """Return the upper limit that `value` exceeds by `share` of its tolerance and the noise."""
-    return scale * (value - share * (TOLERANCE * min(value, HORIZON) + noise))
+    return scale * (value - share * (TOLERANCE * min(value, WORK[vehicle]) + noise))
 
 
-def below(value, share, scale, noise=15.0e-12):
+def below(value, share, scale, noise=15.0e-12, vehicle=0):
     """Return the lower limit that `value` misses by `share` of its tolerance and the noise."""
-    return scale * (value + share * (TOLERANCE * min(value, HORIZON) + noise))
+    return scale * (value + share * (TOLERANCE * min(value, WORK[vehicle]) + noise))
 
 
 def windows(scale, node, span):
@@ -91,7 +91,7 @@ def reloaded(scale, share):
 def shift(vehicle, place, time):
     def case(scale, share):
         shifts = scale * np.array([[0.0, 99.0], [0.0, 99.0]])
-        limit = above(time, share, scale) if place else below(time, share, scale)
+        limit = (above if place else below)(time, share, scale, vehicle=vehicle)
         shifts[vehicle, place] = limit
         return verify(fleet(scale, shifts=shifts), scale)
 
@@ -108,7 +108,7 @@ def hurried(vehicle, place):
     def case(scale, share):
         exact = [[1.0, 4.0, 9.0, 15.0], [2.0, 6.0, 11.0]]
         ready = exact[vehicle][place]
-        exact[vehicle][place] = below(ready, -share, 1.0)
+        exact[vehicle][place] = below(ready, -share, 1.0, vehicle=vehicle)
         return verify(fleet(scale), scale, starts=exact)
 
     return case
@@ -116,7 +116,7 @@ def hurried(vehicle, place):
 
 def open_end(scale, share):
     """An open route ends with its last service."""
-    end = 10.0 * (1 - share * TOLERANCE) - share * 11e-12
+    end = 10.0 - share * (TOLERANCE * 9.0 + 10e-12)
     starts = [[1.0, 4.0, 9.0, end], [2.0, 6.0, 11.0]]
     return verify(fleet(scale, ends=[-1, 0]), scale, starts=starts)
 
@@ -168,6 +168,23 @@ LIMITS = {
     ],
     "route within battery": [stations],
 }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("starts", "fields", "name"),
+    [
+        ([[0.0, 500.0, 503.0], [0.0, 5.0, 1e15]], {"windows": [None, (0, 10), None, None]}, "service within"),
+        ([[1e15] * 3, [1e15] * 3], {"time_cost": 1.0, "objective": "cost"}, "travel and service"),
+        ([[1e9] * 2 + [2e9], [1e9] * 2 + [2e9]], {}, "travel and service"),
+    ],
+)  # fmt: skip
+def test_late_times_and_waiting_loosen_no_check(starts, fields, name):
+    """A plan must not buy tolerance with a return in the distant future."""
+    model = FleetRouting(
+        2, points=POINTS, **{"service": [0, 1, 0, 1], "objective": "sum", **fields}, groups=[[1, 2]]
+    )
+    verified = model.verify(FleetPlan([[1], [3]], starts))
+    assert [check.name for check in verified.violated if check.name.startswith(name)]
 
 
 @pytest.mark.parametrize("scale", SCALES)
