@@ -18,6 +18,9 @@ __all__ = ["RichData"]
 
 Floats = NDArray[np.float64]
 
+#: Largest service time and release, s: times up to it have a resolution of 1 ms.
+LATEST = 1e12
+
 
 class RichData(FleetData):
     """Derived values and validation of the fields for rich fleets."""
@@ -39,6 +42,12 @@ class RichData(FleetData):
             if largest >= self.size:
                 raise InvalidData(
                     f"{name} must be nodes 0 … {self.size - 1}, got {largest}", field=name
+                )
+        for name in ("reloads", "stations"):
+            nodes = getattr(self, name) or ()
+            if len(set(nodes)) < len(nodes):
+                raise InvalidData(
+                    f"{name} must name each node once, got {show(list(nodes))}", field=name
                 )
 
     def _check_loads(self) -> None:
@@ -80,6 +89,13 @@ class RichData(FleetData):
                 f"times must be small enough to add up, got {longest:g} s",
                 field="times" if self.speed is None else "speed",
             )
+        for name in ("service", "releases"):
+            value = getattr(self, name)
+            if value is not None and float(np.abs(value).max()) > LATEST:
+                raise InvalidData(
+                    f"{name} must be at most {LATEST:g} s, got {float(np.abs(value).max()):g}",
+                    field=name,
+                )
         for k, (begin, end) in enumerate([] if self.shifts is None else self.shifts.tolist()):
             if not math.isfinite(begin) or end < begin:
                 raise InvalidData(
