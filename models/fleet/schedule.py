@@ -104,22 +104,10 @@ def _through(pieces: Iterable[Piece], windows: Spans) -> list[Piece]:
 
 
 def earliest_returns(model: RichData, vehicle: int, route: Sequence[int]) -> list[Piece]:
-    """Return the earliest return of a route for each feasible departure.
+    """Return the pieces of the earliest return of a route by its departure; empty without a schedule.
 
-    Parameters
-    ----------
-    model : FleetRouting
-        The model.
-    vehicle : int
-        Index of the vehicle.
-    route : sequence of int
-        Nodes of the route without its depots, at least one.
-
-    Returns
-    -------
-    list of Piece
-        Pieces of the function; empty if no schedule exists. All limits on times hold: windows,
-        releases, the shift and the duration.
+    All limits on times hold: windows, releases, the shift and the duration. The arguments are those of
+    :func:`schedule_route`; the route has at least one node.
     """
     release, stops = _stops(model, vehicle, route)
     begin, end = (0.0, math.inf) if model.shifts is None else model.shifts[vehicle].tolist()
