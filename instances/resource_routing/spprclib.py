@@ -26,20 +26,12 @@ _SECTIONS = {
     "RES_TYPE": 2, "RES_BOUND": 3, "RES_NODE_BOUND": 4, "EDGE_COST": 3, "EDGE_CONSUMPTION": 4,
     "NODE_COST": 2, "NODE_CONSUMPTION": 3, "COORD": 3,
 }  # fmt: skip
-_HEADS = {
-    *(
-        "NAME",
-        "COMMENT",
-        "SIZE",
-        "DIRECTED",
-        "CYCLIC",
-        "ORIGIN",
-        "DESTINATION",
-        "RESOURCES",
-        "RES_NAMES",
-    ),
-    *("COMPLETE", "SYMMETRIC"),
-}
+#: Heads that describe the graph: 0 or 1. The rows of EDGE_COST list the arcs.
+_DESCRIPTIONS = ("CYCLIC", "COMPLETE", "SYMMETRIC")
+_HEADS = (
+    "NAME", "COMMENT", "SIZE", "DIRECTED", "ORIGIN", "DESTINATION", "RESOURCES", "RES_NAMES",
+    *_DESCRIPTIONS,
+)  # fmt: skip
 
 
 def read_spprclib(path: str | os.PathLike[str], **fields: Any) -> ResourceRouting:
@@ -47,7 +39,9 @@ def read_spprclib(path: str | os.PathLike[str], **fields: Any) -> ResourceRoutin
 
     Costs of nodes become prizes. Without a destination, the path returns to a copy of the origin, which is the
     last point. Resources of the type CAP are used at nodes and TIME at arcs and nodes, NODELIM counts the arcs, and
-    TW has windows with waiting, and the use of a node as service time.
+    TW has windows with waiting, and the use of a node as service time. As in PathWyse, the use at the origin
+    counts for TW alone, the copy of the origin has no window, and a row of ``RES_BOUND`` has no effect on TW,
+    which its windows limit. ``CYCLIC``, ``COMPLETE`` and ``SYMMETRIC`` describe the listed arcs and change nothing.
 
     Parameters
     ----------
@@ -64,7 +58,8 @@ def read_spprclib(path: str | os.PathLike[str], **fields: Any) -> ResourceRoutin
     Raises
     ------
     InvalidData
-        A section or number is missing or malformed. The message names the file, and the line if it applies.
+        A section or number is missing or malformed, two rows give an arc different costs, or a row has an unknown
+        resource. The message names the file, and the line if it applies.
     UnsupportedFormulation
         The file has a section or a type of resource that the model does not express.
     """
@@ -75,6 +70,8 @@ def read_spprclib(path: str | os.PathLike[str], **fields: Any) -> ResourceRoutin
     end = _head(file, heads, "DESTINATION", 0, size - 1, origin)
     end = size if end == origin else end
     directed = _head(file, heads, "DIRECTED", 0, 1, 1)
+    for key in _DESCRIPTIONS:
+        _head(file, heads, key, 0, 1, 0)
 
     def node(value: float) -> int:
         if not (value.is_integer() and 0 <= value < size):
@@ -88,7 +85,15 @@ def read_spprclib(path: str | os.PathLike[str], **fields: Any) -> ResourceRoutin
         ends = [(node(tail), node(head)), (node(head), node(tail))][: 2 - directed]
         return [(i, end if j == origin and end == size else j) for i, j in ends if i != j]
 
-    costs = {pair: cost for tail, head, cost in rows["EDGE_COST"] for pair in pairs(tail, head)}
+    costs: dict[tuple[int, int], float] = {}
+    for tail, head, cost in rows["EDGE_COST"]:
+        for pair in pairs(tail, head):
+            if costs.setdefault(pair, cost) != cost:
+                raise InvalidData(
+                    f"{file}: EDGE_COST must give an arc one cost, got {costs[pair]:g} and {cost:g} for "
+                    f"{tail:g} {head:g}",
+                    field="line",
+                )
     arcs = np.array(list(costs), np.int64).reshape(-1, 2)
     place = {pair: k for k, pair in enumerate(costs)}
     kinds = [f"node {k}" for k in range(max(size, end + 1))]
@@ -96,6 +101,12 @@ def read_spprclib(path: str | os.PathLike[str], **fields: Any) -> ResourceRoutin
     for at, cost in rows["NODE_COST"]:
         prizes[node(at)] = -cost
     types = dict(rows["RES_TYPE"])
+    _head(file, heads, "RESOURCES", len(types), len(types), len(types))
+    for section in ("RES_BOUND", "RES_NODE_BOUND", "EDGE_CONSUMPTION", "NODE_CONSUMPTION"):
+        for key in {row[0] for row in rows[section]} - types.keys():
+            raise InvalidData(
+                f"{file}: {section} must name resources of RES_TYPE, got {key:g}", field="line"
+            )
     resources, uses = [], np.zeros((len(arcs), len(types)))
     for column, (key, word) in enumerate(types.items()):
         low, high = next((row[1:] for row in rows["RES_BOUND"] if row[0] == key), (0.0, math.inf))
@@ -138,7 +149,8 @@ def _head(
         return default
     value = number(heads.get(key, ""), f"{file}, {key}", "line")
     if not (value.is_integer() and low <= value <= high):
-        raise InvalidData(f"{file}, {key} must be in {low} … {high}, got {value:g}", field="line")
+        allowed = f"in {low} … {high}" if low < high else f"{low}"
+        raise InvalidData(f"{file}, {key} must be {allowed}, got {value:g}", field="line")
     return int(value)
 
 
