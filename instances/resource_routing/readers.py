@@ -77,9 +77,10 @@ def read_rcsp(path: str | os.PathLike[str], **fields: Any) -> ResourceRouting:
             f"resources, got {len(values)}",
             field="line",
         )
+    if (negative := np.flatnonzero(values < 0)).size:
+        word, line = words[negative[0]]
+        raise InvalidData(f"{file}, line {line}: must be numbers >= 0, got {word}", field="line")
     lower, upper, at_vertex, rest = (part for part in np.split(values, parts)[1:])
-    if (upper < 0).any():
-        raise InvalidData(f"{file}: limits must be >= 0, got {upper.min():g}", field="limits")
     at_vertex, table = at_vertex.reshape(vertices, kinds), rest.reshape(arcs, 3 + kinds)
     ends = table[:, :2] - 1
     bad = np.flatnonzero(
