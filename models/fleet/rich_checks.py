@@ -322,7 +322,7 @@ def rich_checks(model: RichData, plan: FleetPlan, tolerance: float) -> list[Chec
             continue
         rows = list(rule(model, plan))
         places = [row for row in rows if isinstance(row, str)]
-        values = [row for row in rows if not isinstance(row, str)]
+        values = [row for row in rows if isinstance(row, _Row)]
         if places or not rows:
             checks.append(Check.count(name, places))
             continue
