@@ -29,11 +29,6 @@ class _Frozen:
             raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
 
 
-def _is_default(field: dataclasses.Field[Any], value: Any) -> bool:
-    """Return whether `value` is the default of a field; never for an array."""
-    return type(value) is type(field.default) and bool(value == field.default)
-
-
 @dataclass(frozen=True, eq=False)
 class Declared(_Frozen):
     """Base of frozen data classes whose fields are declared with a :class:`Spec`.
@@ -58,14 +53,25 @@ class Declared(_Frozen):
         fields = (field for field in dataclasses.fields(cls) if "spec" in field.metadata)
         return tuple((field.name, field.metadata["spec"]) for field in fields)
 
-    def _feed(self) -> Iterator[bytes]:
-        """Yield the bytes that identify the content."""
+    def _content(self) -> Iterator[tuple[str, Spec, Any]]:
+        """Yield name, spec and value of each declared field, without added fields at their default."""
         for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            omitted = field.metadata.get("added") and _is_default(field, value)
-            if "spec" in field.metadata and not omitted:
-                yield f"\0{field.name}\0".encode()
-                yield from field.metadata["spec"].feed(value)
+            if (spec := field.metadata.get("spec")) is not None:
+                value, default = getattr(self, field.name), field.default
+                # Types first: the comparison of an array has no single truth value.
+                is_default = type(value) is type(default) and value == default
+                if not (field.metadata.get("added") and is_default):
+                    yield field.name, spec, value
+
+    def _feed(self) -> Iterator[bytes]:
+        """Yield the bytes that identify the content.
+
+        Texts are written with ``repr`` and arrays with their size, so that no value can imitate the name
+        of an omitted field.
+        """
+        for name, spec, value in self._content():
+            yield f"\0{name}\0".encode()
+            yield from spec.feed(value)
 
     def __getstate__(self) -> dict[str, Any]:
         return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
@@ -81,13 +87,7 @@ class Declared(_Frozen):
         A field that a later version added is omitted at its default, so that older files keep their
         form.
         """
-        result = {}
-        for field in dataclasses.fields(self):
-            value, spec = getattr(self, field.name), field.metadata.get("spec")
-            omitted = field.metadata.get("added") and _is_default(field, value)
-            if field.init and spec is not None and not omitted:
-                result[field.name] = spec.encode(value)
-        return result
+        return {name: spec.encode(value) for name, spec, value in self._content()}
 
     @classmethod
     def from_data(cls, data: Any) -> Self:

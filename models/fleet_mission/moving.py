@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -68,6 +68,12 @@ class MovingObstacle(Declared):
         default=None,
         added=True,
     )
+
+    def _feed(self) -> Iterator[bytes]:
+        """Yield the bytes that identify the content: all fields, as earlier versions did in digests."""
+        for name, spec in self._specs():
+            yield f"\0{name}\0".encode()
+            yield from spec.feed(getattr(self, name))
 
     def check(self) -> None:
         """Refuse ambiguous, jumping and empty motions."""

@@ -140,3 +140,18 @@ def test_a_resource_of_any_rate_is_used_up(rate, share):
         points=[[0.0, 0.0], [5.0 * share, 0.0]],
     )  # fmt: skip
     assert model.verify(Route((0, 1))).ok == (share < 1)
+
+
+def test_no_text_imitates_an_omitted_field_in_a_digest():
+    def digest(**fields):
+        fuel = Resource("fuel", 1.0, limits={"a": 3}, **fields)
+        return ResourceRouting(["a", "a"], [fuel], 0, 1, points=[[0, 0], [1, 0]]).digest
+
+    forged = "'\0floors\0(('a', 1.0),)"
+    digests = {
+        digest(),
+        digest(floors={"a": 1}),
+        digest(lower_limits={"a": 1}),
+        digest(unit=forged),
+    }
+    assert len(digests) == 4
