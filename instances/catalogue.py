@@ -13,8 +13,9 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from ..errors import InvalidData, UnknownName, UnsupportedOption
+from ..models.conversion import as_model
 from ..models.fields import Spec, Text, required, show
-from ..models.model import Model, as_model
+from ..models.model import Model
 from ..models.problems import resolve, table
 from ..models.records import Member, Table
 

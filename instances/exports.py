@@ -12,7 +12,8 @@ from typing import Any
 
 from ..errors import UnknownName, UnsupportedFormulation, UnsupportedOption, suggestion
 from ..files import write_text
-from ..models.model import Model, as_model
+from ..models.conversion import as_model
+from ..models.model import Model
 from ..models.problems import declared_in, problem_of, resolve
 
 __all__ = [

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import InvalidData, UnknownName, UnsupportedOption, suggestion
+from ..models.conversion import as_model
 from ..models.fields import show
-from ..models.model import Model, as_model
+from ..models.model import Model
 from ..models.problems import loadable_models, resolve
 from .file_format import FileFormat, Head, Target
 from .formats import file_formats, recognise

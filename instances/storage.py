@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import BackendBroken, InvalidData, UnknownName
 from ..files import LARGEST_FILE, as_path, read_bytes, read_input, read_text, write_text
+from ..models.conversion import as_model
 from ..models.fields import show
 from ..models.json_text import parse_json
-from ..models.model import Model, as_model
+from ..models.model import Model
 from ..models.problems import loadable, model_type, resolve, table
 
 if TYPE_CHECKING:

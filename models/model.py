@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
@@ -22,10 +23,10 @@ from .problems import model_type, resolve
 from .specs import TRUSTED, Text, required, show
 from .verification import TOLERANCE, Verification
 
-__all__ = ["Model", "as_model"]
+__all__ = ["Model"]
 
 if not TYPE_CHECKING:
-    __getattr__ = moved(__name__, {".json_text": "parse_json"})
+    __getattr__ = moved(__name__, {".json_text": "parse_json", ".conversion": "as_model"})
 
 PlanT = TypeVar("PlanT")
 
@@ -244,13 +245,8 @@ class Model(Declared, ABC, Generic[PlanT]):
     def digest(self) -> str:
         """SHA-256 of the content in hexadecimal, independent of the name."""
         hasher = hashlib.sha256(self.kind.encode())
-        fields = dataclasses.fields(self)
-        added = {field.name: field.default for field in fields if field.metadata.get("added")}
-        for name, spec in sorted(self._specs()):
-            value = getattr(self, name)
-            default = added.get(name)
-            known = name in added and (value is None if default is None else value == default)
-            if spec.content and not known:
+        for name, spec, value in sorted(self._content(), key=itemgetter(0)):
+            if spec.content:
                 hasher.update(f"\0{name}\0".encode())
                 for chunk in spec.feed(value):
                     hasher.update(chunk)
@@ -472,29 +468,3 @@ class Model(Declared, ABC, Generic[PlanT]):
     def describe(self) -> Any:
         """Return the size of the model in a few words; programs return a report."""
         return f"digest {self.digest[:12]}"
-
-
-def as_model(value: Any) -> Model[Any]:
-    """Return `value` if it is a model, else the model that it describes.
-
-    That is the result of its method ``build()``, or the program of another library's object.
-
-    Raises
-    ------
-    InvalidData
-        `value` is neither a model nor describes one.
-    """
-    if isinstance(value, Model):
-        return value
-    convert = resolve(".models.programs.sources.conversion:converted")
-    program: Model[Any] | None = convert(value)
-    if program is not None:
-        return program
-    result = value.build() if callable(getattr(value, "build", None)) else value
-    if not isinstance(result, Model):
-        libraries = resolve(".models.programs.sources.conversion:objects")()
-        hint = f"; also accepted: objects of {', '.join(sorted(libraries))}, and arrays by name"
-        if isinstance(value, str):
-            hint = "; load it first: crosstrack.load(…)"
-        raise InvalidData(f"model must be a Model, got {show(value)}{hint}", field="model")
-    return result

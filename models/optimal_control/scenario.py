@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
+from ..conversion import as_model
 from ..fields import Array, required, show
-from ..model import as_model
 from .definition import SIDES, Definition, Phase, Quantity, Restriction, entry_slices
 from .piecewise import Piecewise
 from .plan import ControlPlan, PhasePlan

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...errors import BackendMissing, UnknownName, UnsupportedOption, suggestion
-from ..model import as_model
+from ..conversion import as_model
 from ..problems import resolve, table
 from ..verification import TOLERANCE
 

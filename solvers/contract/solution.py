@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ...models.conversion import as_model
 from ...models.fields import Real
-from ...models.model import Model, as_model
+from ...models.model import Model
 from ...models.problems import model_type, resolve
 from ...models.verification import ROUNDING, TOLERANCE, Verification, stated
 from .enums import CLAIMS_NONE, Guarantee, Limit, Termination

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ...errors import BackendBroken
-from ...models.model import as_model
+from ...models.conversion import as_model
 from .registry import Declaration, declarations
 from .selection import refusals
 

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption
+from ...models.conversion import as_model
 from ...models.fields import Flag, Optional, Real, show
 from ...models.flight.model import Flight
 from ...models.grid_path.gridmap import GridMap
 from ...models.grid_path.model import GridPath
-from ...models.model import as_model
 from ...models.optimal_control.model import OptimalControlProblem
 from ...models.optimal_control.plan import ControlPlan
 from ...models.optimal_control.transcription.base import Transcription

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from ...errors import CrosstrackError, InvalidData, UnknownName, UnsupportedOption
+from ...models.conversion import as_model
 from ...models.fields import show
-from ...models.model import Model, as_model
+from ...models.model import Model
 from ...models.records import Table, given
 from ...models.verification import check_number
 from ..contract.backend import Backend, Feature, Limit

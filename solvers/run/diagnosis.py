@@ -11,8 +11,9 @@ from typing import Any, Unpack
 import numpy as np
 
 from ...errors import UnsupportedFormulation
+from ...models.conversion import as_model
 from ...models.formulation import Formulation
-from ...models.model import Model, as_model
+from ...models.model import Model
 from ...models.problems import resolve, table
 from ...models.programs.base import Program, RowProgram
 from ...models.programs.linear import MixedIntegerProgram

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, TypeVar, Unpack
 
 from ...errors import UnsupportedOption
 from ...lazy import moved
+from ...models.conversion import as_model
 from ...models.fields import Flag, Optional
-from ...models.model import Model, as_model
+from ...models.model import Model
 from ...models.records import given
 from ..contract.backend import Backend, Control, Guarantee
 from ..contract.job import Job

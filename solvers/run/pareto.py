@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any, Unpack
 
 from ...errors import InvalidData, UnknownName, UnsupportedFormulation, UnsupportedOption
+from ...models.conversion import as_model
 from ...models.fields import Flag, Optional, Real, Whole, show
-from ...models.model import Model, as_model
+from ...models.model import Model
 from ...models.records import given
 from ..contract.backend import Backend, Limit, Termination
 from ..contract.events import Event, Listener, listener_of

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from ...models.conversion import as_model
 from ...models.fields import Flag
-from ...models.model import Model, as_model
+from ...models.model import Model
 from ...models.records import given
 from ...models.verification import TOLERANCE, Verification, check_tolerance
 from ..contract.solution import Solution

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 from ....errors import CrosstrackError, InvalidData, UnknownName
 from ....files import writable, write_text
+from ....models.conversion import as_model
 from ....models.fields import show as quoted
-from ....models.model import as_model
 from ....models.plots import plot
 from ....models.plots.export import export_animation, export_figure
 from ....models.plots.style import pretty_unit
