@@ -117,8 +117,6 @@ class Posed:
         """
         from pyvrp import Location, ProblemData, VehicleType
 
-        make: Any = VehicleType  # its stubs know fewer positional arguments than the class
-
         #: Node of each client, -1 for a copy of a depot; node of each depot; pair of each shipment.
         self.nodes: list[int] = []
         self.stops: list[int] = []
@@ -126,19 +124,20 @@ class Posed:
         distances, durations = self._matrices()
         clients, groups = self._clients()
         depots, at = self._depots()
-        kinds: dict[tuple[Any, ...], list[int]] = {}
+        kinds: dict[tuple[tuple[str, Any], ...], list[int]] = {}
         for k in range(self.model.vehicles):
             if has_shift(self.model, k, self.scales):
-                kinds.setdefault(self._vehicle(k, at), []).append(k)
+                kinds.setdefault(tuple(self._vehicle(k, at).items()), []).append(k)
         if not kinds:
             raise Unreachable
         self.members = list(kinds.values())
         # The limit does not change the kinds, because a start refers to them.
         most = ANYTHING if math.isinf(limit) else int(limit)
-        types = [
-            make(len(members), *kind[:7], min(kind[7], most), *kind[8:])
-            for kind, members in kinds.items()
-        ]
+        types = []
+        for kind, members in kinds.items():
+            fields = dict(kind)
+            fields["max_distance"] = min(fields["max_distance"], most)
+            types.append(VehicleType(len(members), **fields))
         return ProblemData(
             [Location(0, 0) for _ in self.places], clients, depots, types, distances, durations,
             groups, list(self._shipments()),
@@ -254,7 +253,6 @@ class Posed:
         """Yield the pairs of pickup and delivery."""
         from pyvrp import Shipment
 
-        make: Any = Shipment
         model = self.model
         for pair, amount in zip(
             [] if model.pairs is None else model.pairs.tolist(), self.amounts, strict=True
@@ -267,9 +265,10 @@ class Posed:
                 raise Unreachable
             if end >= early:
                 self.pairs.append(pair)
-                yield make(
-                    *pair, early, _late(late), self._service(pair[0]),
-                    begin, _late(end), self._service(pair[1]), amount + [0] * self.forced,
+                first, second = pair
+                yield Shipment(
+                    first, second, early, _late(late), self._service(first),
+                    begin, _late(end), self._service(second), amount + [0] * self.forced,
                     sum(self.scales.prize(model, node) for node in pair), required,
                 )  # fmt: skip
 
@@ -292,8 +291,8 @@ class Posed:
                 self.stops.append(node)
         return depots, at
 
-    def _vehicle(self, k: int, at: dict[int, int]) -> tuple[Any, ...]:
-        """Return the arguments of the vehicle type of vehicle `k`, but for their number."""
+    def _vehicle(self, k: int, at: dict[int, int]) -> dict[str, Any]:
+        """Return the arguments of the vehicle type of vehicle `k`, except the number of vehicles."""
         model, scales = self.model, self.scales
         per_metre = float(self.per_metre[k])
         longest = ANYTHING
@@ -306,13 +305,21 @@ class Posed:
         most = FOREVER if model.max_reloads is None else int(model.max_reloads[k])
         early, late = whole_shift(model, k, scales)
         reloads = range(len(at), len(self.stops)) if most else ()
-        return (
-            (*self.capacity[k], *[DEAR] * self.forced), at[int(model.homes[k])],
-            at[int(model.finishes[k])], scales.fixed(model, k), early, _late(late),
-            _late(int(round_down(duration, scales.time))),
-            longest, int(per_metre > 0.0),
-            scales.rates[k], self.profile_of[k], None, (), tuple(reloads), most,
-        )  # fmt: skip
+        return {
+            "capacity": (*self.capacity[k], *[DEAR] * self.forced),
+            "start_depot": at[int(model.homes[k])],
+            "end_depot": at[int(model.finishes[k])],
+            "fixed_cost": scales.fixed(model, k),
+            "tw_early": early,
+            "tw_late": _late(late),
+            "shift_duration": _late(int(round_down(duration, scales.time))),
+            "max_distance": longest,
+            "unit_distance_cost": int(per_metre > 0.0),
+            "unit_duration_cost": scales.rates[k],
+            "profile": self.profile_of[k],
+            "reload_depots": tuple(reloads),
+            "max_reloads": most,
+        }
 
     def read(self, solution: Any) -> Found:
         """Return the routes of `solution`."""
