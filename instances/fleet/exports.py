@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import InvalidData, UnsupportedFormulation
 from ...files import write_text
 from ...models.fields import required
-from ...models.fleet.checks import loads_of
+from ...models.fleet.checks import loads_of, value_of
 from ...models.fleet.data import Objective
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
@@ -109,10 +109,12 @@ def write_vrplib(plan: FleetPlan, path: str | os.PathLike[str], *, model: FleetR
     Raises
     ------
     UnsupportedFormulation
-        The model has several depots.
+        The model has several depots or stations.
     InvalidData
-        As for :func:`write_routes_csv`.
+        As for :func:`write_routes_csv`, or the cost depends on times that the plan lacks.
     """
+    if model.stations:
+        raise UnsupportedFormulation("solutions of VRPLIB have no stations, the model has some")
     if np.unique(model.depots).size > 1:
         raise UnsupportedFormulation("solutions of VRPLIB have one depot, the model has several")
     place = {node: k for k, node in enumerate(model.customers.tolist(), 1)}
@@ -121,9 +123,12 @@ def write_vrplib(plan: FleetPlan, path: str | os.PathLike[str], *, model: FleetR
         # A reload is 0 as in PyVRP's solutions, also at a depot.
         stops = " ".join(str(place.get(node, 0)) for node in plan.routes[k])
         lines.append(f"Route #{number}: {stops}")
-    cost = float(loads_of(model, plan).sum())
-    if model.objective is Objective.COST:
-        cost = model.verify(plan).objective or 0.0
+    is_cost = model.objective is Objective.COST
+    cost = value_of(model, plan) if is_cost else float(loads_of(model, plan).sum())
+    if cost is None:
+        raise InvalidData(
+            "starts must be given, as the cost depends on times, got none", field="starts"
+        )
     lines.append(f"Cost {cost!r}")
     return write_text(path, "\n".join(lines) + "\n")
 

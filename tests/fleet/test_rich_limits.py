@@ -7,7 +7,7 @@ import pytest
 from check_limits import SCALES, assert_complete, assert_limit, assert_only, names_of, pairs
 
 import crosstrack as ct
-from crosstrack.errors import InvalidData, UnsupportedOption
+from crosstrack.errors import InvalidData, UnsupportedFormulation, UnsupportedOption
 from crosstrack.instances.fleet import write_routes_csv, write_vrplib
 from crosstrack.models import FleetRouting
 from crosstrack.models.fleet import FleetPlan, rich_checks
@@ -306,5 +306,11 @@ def test_exports_contain_reloads_open_ends_and_times(tmp_path):
     assert float(rows[4].split(",")[-1]) == plan.starts[0][3]
     lines = write_vrplib(plan, tmp_path / "a.sol", model=model).read_text().splitlines()
     assert lines == ["Route #1: 1 0 2", "Route #2: 3", f"Cost {model.verify(plan).objective!r}"]
+    timed = fleet(objective="cost", time_cost=1.0)
+    with pytest.raises(InvalidData, match="starts must be given, as the cost depends on times"):
+        write_vrplib(FleetPlan(ROUTES), tmp_path / "c.sol", model=timed)
+    charged = FleetRouting(2, points=POINTS, stations=[2], battery=99)
+    with pytest.raises(UnsupportedFormulation, match="have no stations"):
+        write_vrplib(FleetPlan([[1, 2], [3]]), tmp_path / "c.sol", model=charged)
     with pytest.raises(InvalidData, match="starts must be the times of each route"):
         write_routes_csv(FleetPlan(ROUTES, STARTS[:1]), tmp_path / "b.csv", model=model)
