@@ -14,8 +14,7 @@ import numpy as np
 
 from ...errors import InvalidData
 from ...files import as_path, read_text
-from ...models.fields import Whole
-from ...models.fleet.data import MOST, Objective
+from ...models.fleet.data import Objective
 from ...models.fleet.model import FleetRouting
 from ..tables import number
 
@@ -25,7 +24,7 @@ __all__ = ["read_solomon"]
 _COLUMNS = 7
 #: The head of the file: its name, the number of vehicles and their capacity.
 _HEAD = re.compile(
-    r"\s*(?P<name>[^\n]*)\s+VEHICLE\s+NUMBER\s+CAPACITY\s+(?P<vehicles>\S+)\s+(?P<capacity>\S+)\s+CUSTOMER\s+"
+    r"\s*[^\n]*\s+VEHICLE\s+NUMBER\s+CAPACITY\s+(?P<vehicles>\S+)\s+(?P<capacity>\S+)\s+CUSTOMER\s+"
     r"CUST\s+NO\.\s+XCOORD\.\s+YCOORD\.\s+DEMAND\s+READY\s+TIME\s+DUE\s+DATE\s+SERVICE(?:\s+TIME)?[ \t\r]*\n"
 )
 
@@ -35,7 +34,7 @@ def read_solomon(path: str | os.PathLike[str], **fields: Any) -> FleetRouting:
 
     The first customer is the depot, whose window limits departures and returns. Travel times are the Euclidean
     distances in full precision, and the objective is their sum. The literature minimises the number of vehicles
-    first; a `fixed_cost` with the objective ``"cost"`` has the same effect.
+    first; a `fixed_cost` above every possible sum, with the objective ``"cost"``, has the same effect.
 
     Parameters
     ----------
@@ -83,12 +82,9 @@ def read_solomon(path: str | os.PathLike[str], **fields: Any) -> FleetRouting:
     if not rows:
         raise InvalidData(f"{file}: must have customers, got none", field="line")
     table = np.array(rows)
-    vehicles = Whole(1, MOST).coerce(
-        "vehicles", number(head["vehicles"], str(file), "vehicles"), {}
-    )
     data = {
-        "vehicles": vehicles,
-        "capacity": number(head["capacity"], str(file), "capacity"),
+        "vehicles": number(head["vehicles"], f"{file}, NUMBER", "vehicles"),
+        "capacity": number(head["capacity"], f"{file}, CAPACITY", "capacity"),
         "objective": Objective.SUM,
         "points": table[:, 1:3],
         "demands": table[:, 3],

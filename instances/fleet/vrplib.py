@@ -86,12 +86,12 @@ def read_vrplib(
         Number of decimals after which Euclidean distances are truncated, such as 1 for the solutions of
         the DIMACS challenge with time windows. Full precision by default.
     **fields
-        Other fields of :class:`~crosstrack.models.fleet.FleetRouting`, such as ``use_all``.
+        Fields of :class:`~crosstrack.models.fleet.FleetRouting` that replace those of the file or are added.
 
     Returns
     -------
     FleetRouting
-        The model.
+        The model; its nodes are those of the file in order.
 
     Raises
     ------
