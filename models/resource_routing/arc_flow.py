@@ -111,14 +111,9 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         require_positive(self.name, length_bound=self.length_bound)
         model = self.model
         for k, resource in enumerate(model.resources):
-            ends = (
-                {model.kinds[model.end]}
-                if model.kinds.count(model.kinds[model.end]) == 1
-                else set()
-            )
-            if not {word for word, value in resource.lower_limits if value} <= (
-                ends if resource.name in {model.resources[j].name for j in self._kept} else set()
-            ):
+            word = model.kinds[model.end]
+            covered = {word} if k in self._kept and model.kinds.count(word) == 1 else set()
+            if not {kind for kind, value in resource.lower_limits if value} <= covered:
                 raise UnsupportedFormulation(
                     f"formulation {self.name!r} has lower limits at the end alone, of resources that neither "
                     f"wait nor are reset, but resources[{k}] ({resource.name!r}) has others; use a native backend"

@@ -94,7 +94,7 @@ def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verificat
     found = _verify_one(model, plan, tolerance)
     if not plan.others and model.routes == 1:
         return found
-    return replace(found, checks=(*found.checks, *_check_others(model, plan, tolerance)))
+    return replace(found, checks=(*found.checks, *_check_others(model, plan, found, tolerance)))
 
 
 def _verify_one(model: RoutingData, plan: Route, tolerance: float) -> Verification:
@@ -146,11 +146,12 @@ def _verify_one(model: RoutingData, plan: Route, tolerance: float) -> Verificati
     return Verification(length, tuple(checks), scale=0.0)
 
 
-def _check_others(model: RoutingData, plan: Route, tolerance: float) -> list[Check]:
+def _check_others(
+    model: RoutingData, plan: Route, first: Verification, tolerance: float
+) -> list[Check]:
     """Return the checks of the further routes: feasible, different, in order and not too many."""
     routes = [Route(plan.route), *map(Route, plan.others)]
     found = [_verify_one(model, route, tolerance) for route in routes[1:]]
-    first = _verify_one(model, routes[0], tolerance)
     values = [math.inf if one.objective is None else one.objective for one in (first, *found)]
     names = [f"others[{k}]" for k in range(len(found))]
     seen = [route.route in {other.route for other in routes[:k]} for k, route in enumerate(routes)]

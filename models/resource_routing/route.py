@@ -24,7 +24,6 @@ class Route(Plan):
     ----------
     route : tuple of int
         Indices into the model's points, from the first to the last.
-
     others : tuple of tuple of int
         Further routes, if the model asks for several, in the order of their lengths.
 
