@@ -34,17 +34,18 @@ from .pyvrp_routing import PyVrpRouting
 from .rivals import FleetBackend
 from .route_master import Master
 from .route_pricing import Network, kinds_of
-from .route_start import insert_nodes
+from .route_start import fill_idle, insert_nodes, list_columns
 from .route_tree import FEASIBLE, INTEGRAL, PENALTY, Node, Relaxed, Stopped, Tree
 
 __all__ = ["ColumnGeneration"]
 
 Floats = NDArray[np.float64]
 
-#: Largest number of nodes: the arrays of arcs and the labels grow with its square.
-MOST = 400
-#: Share of the time limit, and seconds without limit, for the heuristic that provides first routes.
-START, START_SECONDS = 0.1, 10.0
+#: Largest number of nodes, and of arcs of all kinds of vehicles: arrays of 1e7 arcs take 0.6 s.
+MOST, MOST_ARCS = 400, 4_000_000
+#: Share of the time limit for the heuristic that provides first routes, the seconds without a limit, and
+#: seconds granted within half of a short limit: 0.2 s of PyVRP gave longest routes that were 8 % longer.
+START, START_SECONDS, SHORT = 0.1, 10.0, 1.0
 #: Seconds of the search for the best plan of known routes, and numbers of nodes after which it runs.
 COMBINE, COMBINATIONS = 5.0, (1, 5, 20, 60, 200, 600, 2000)
 #: Relative width of the interval of the longest route at which bisection ends.
@@ -94,8 +95,10 @@ class ColumnGeneration(FleetBackend):
         for rule in LIMITS:
             if rule.field != "battery" and rule.field in problem.limits:
                 return f"the limit {rule.field}"
-        if len(problem.customers) > MOST:
-            return f"more than {MOST} nodes, got {len(problem.customers)}"
+        if (nodes := len(problem.customers)) > MOST:
+            return f"more than {MOST} nodes, got {nodes}"
+        if (arcs := len(kinds_of(problem)) * nodes**2) > MOST_ARCS:
+            return f"more than {MOST_ARCS} arcs of all kinds of vehicles, got {arcs}"
         return ""
 
     def run(self, problem: FleetRouting, request: Request) -> Answer:
@@ -132,7 +135,6 @@ class _Search:
         distances = model.distances
         self.whole = bool((distances == np.floor(distances)).all() and distances.max() < 2**40)
         self.whole &= model.objective is not Objective.COST
-        self.priced = model.objective is not Objective.MAX
         prizes = np.full(model.size, np.nan) if model.prizes is None else model.prizes
         self.prizes = np.where(np.isnan(prizes), math.inf, prizes)[model.customers]
         self.offset = 0.0 - math.fsum(self.prizes[np.isfinite(self.prizes)].tolist())
@@ -173,15 +175,8 @@ class _Search:
             seen.update(once)
             stops[free[kind].pop(0)] = tuple(int(self.model.customers[node]) for node in once)
         if self.model.use_all:
-            self._fill(stops)
+            fill_idle(stops)
         return self.keep(self.model.with_schedule(stops))
-
-    def _fill(self, stops: list[tuple[int, ...]]) -> None:
-        """Give each idle vehicle the last node of a route with several nodes."""
-        for k, route in enumerate(stops):
-            donor = max(range(len(stops)), key=lambda other: len(stops[other]))
-            if not route and len(stops[donor]) > 1:
-                stops[k], stops[donor] = stops[donor][-1:], stops[donor][:-1]
 
     def keep(self, plan: FleetPlan) -> bool:
         """Make a feasible plan the incumbent if it is better; return whether it is feasible."""
@@ -200,7 +195,7 @@ class _Search:
         if request.warm_start is not None:
             self.keep(request.warm_start)
         self.network = network = Network(model, kinds_of(model))
-        self.unit = network.unit
+        self.unit, self.priced = network.unit, network.priced
         #: Relative value above those of all plans.
         self.impossible = 2.0 * (network.size + model.vehicles)
         self.prove(self.offset)  # no cost is negative
@@ -208,20 +203,23 @@ class _Search:
         if self.closed or self.control.stopped:
             return
         kinds = network.kinds
-        triangle = network.keeps_triangles
+        triangle = not model.is_rich and network.keeps_triangles
         # Otherwise, an idle vehicle takes a node from another route, which becomes no longer.
         exact_counts = model.use_all and (self.priced or len(kinds) > 1 or not triangle)
         counts = tuple(
             (float(len(kind.vehicles)) if exact_counts else 0.0, float(len(kind.vehicles)))
             for kind in kinds
         )
-        covering = triangle and not exact_counts and not model.is_rich
+        covering = triangle and not exact_counts
         prizes = self.prizes / self.unit
         self.master = Master(network, covering, np.array(counts), PENALTY, prizes)
         self.tree = Tree(network, self.master, request, self.priced)
         self.root = Node(network.barred, frozenset(), counts)
-        self._first_columns()
         try:
+            for column in list_columns(network, self.plan):
+                if self.control.stopped:
+                    raise Stopped
+                self.master.add(*column)
             relaxed = self._root() if self.priced else self._bisect()
             if not self.closed and not self.infeasible and request.options.get("branch", True):
                 self._branch(relaxed.bound if self.priced else 0.0)
@@ -245,7 +243,9 @@ class _Search:
             if heuristic.missing() or heuristic.refuses(self.model):
                 return
         left = self.request.left()
-        seconds = START_SECONDS if left is None else min(START * left, START_SECONDS)
+        seconds = START_SECONDS
+        if left is not None:
+            seconds = min(seconds, max(START * left, min(SHORT, 0.5 * left)))
         if len(self.model.customers) <= 12:
             seconds = min(seconds, 0.2)
         with suppress(OutOfTime):  # the kernels are not compiled in time
@@ -266,20 +266,6 @@ class _Search:
         routes = insert_nodes(self.network, prizes, self.priced, lambda: self.control.stopped)
         if routes:
             self.offer(routes)
-
-    def _first_columns(self) -> None:
-        """Add the routes of the incumbent, and single nodes."""
-        place = {int(node): k for k, node in enumerate(self.model.customers)}
-        for k in range(len(self.network.kinds)):
-            for node in range(self.network.size):
-                if self.network.fits(k, (node,)):
-                    self.master.add(k, (node,))
-        routes = () if self.plan is None else self.plan.routes
-        for vehicle, stops in enumerate(routes):
-            k = next(k for k, kind in enumerate(self.network.kinds) if vehicle in kind.vehicles)
-            route = tuple(place[node] for node in stops)
-            if route:
-                self.master.add(k, min(route, route[::-1]) if self.network.symmetric else route)
 
     def _root(self) -> Relaxed:
         """Solve the linear program of the root with cuts."""

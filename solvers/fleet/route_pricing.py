@@ -107,7 +107,7 @@ class Network:
         self.lengths = np.array([self._arcs(model.distances, kind) for kind in self.kinds])
         scales = [self.lengths.max()]
         self.costs = np.zeros_like(self.lengths)
-        if model.objective is not Objective.MAX:
+        if self.priced:
             for k, kind in enumerate(self.kinds):
                 rate = kind.rate if model.objective is Objective.COST else 1.0
                 self.costs[k] = rate * self.lengths[k]
@@ -137,12 +137,15 @@ class Network:
         return len(self.near)
 
     @property
+    def priced(self) -> bool:
+        """Whether routes have costs: always, except that the longest of several routes is minimised."""
+        return self.model.objective is not Objective.MAX or self.model.vehicles == 1
+
+    @property
     def keeps_triangles(self) -> bool:
-        """Whether no detour over one node is shorter."""
-        stops = range(self.size + 1)
-        return all(
-            bool((rows <= rows[:, k, None] + rows[k]).all()) for rows in self.lengths for k in stops
-        )
+        """Whether no detour over one node to visit is shorter."""
+        rows = self.model.distances
+        return all(bool((rows <= rows[:, k, None] + rows[k]).all()) for k in self.model.customers)
 
     @property
     def symmetric(self) -> bool:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.fleet import FleetPlan
 from .route_pricing import Network
 
-__all__ = ["insert_nodes"]
+__all__ = ["fill_idle", "insert_nodes", "list_columns"]
 
 
 def insert_nodes(
@@ -58,3 +59,25 @@ def insert_nodes(
         elif np.isinf(prizes[node]):
             return []
     return routes
+
+
+def fill_idle(stops: list[tuple[int, ...]]) -> None:
+    """Give each idle vehicle the last node of a route with several nodes."""
+    for k, route in enumerate(stops):
+        donor = max(range(len(stops)), key=lambda other: len(stops[other]))
+        if not route and len(stops[donor]) > 1:
+            stops[k], stops[donor] = stops[donor][-1:], stops[donor][:-1]
+
+
+def list_columns(network: Network, plan: FleetPlan | None) -> Iterator[tuple[int, tuple[int, ...]]]:
+    """Yield the kinds and nodes of the feasible routes of one node, and of the routes of a plan."""
+    for k in range(len(network.kinds)):
+        for node in range(network.size):
+            if network.fits(k, (node,)):
+                yield k, (node,)
+    place = {int(node): k for k, node in enumerate(network.model.customers)}
+    for vehicle, stops in enumerate(() if plan is None else plan.routes):
+        k = next(k for k, kind in enumerate(network.kinds) if vehicle in kind.vehicles)
+        route = tuple(place[node] for node in stops)
+        if route:
+            yield k, min(route, route[::-1]) if network.symmetric else route

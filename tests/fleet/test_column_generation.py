@@ -247,10 +247,14 @@ def test_stops_at_once_and_keeps_the_warm_start():
         ({"objective": "sum", "windows": [None, [(0, 1), (2, 3)], None]}, "several windows"),
         ({"objective": "makespan"}, "makespan"),
         ({"objective": "sum", "releases": [0, 1, 1]}, "releases"),
+        (
+            {"points": np.eye(260, 2), "vehicles": 70, "speed": np.arange(1, 71)},
+            "arcs of all kinds",
+        ),
     ],
 )
 def test_refuses_by_name(fields, text):
-    model = FleetRouting(1, points=[[0, 0], [1, 0], [2, 0]], **fields)
+    model = FleetRouting(**{"vehicles": 1, "points": [[0, 0], [1, 0], [2, 0]], **fields})
     with pytest.raises(UnsupportedFormulation, match=text):
         ct.solve(model, "column-generation")
 
@@ -411,3 +415,38 @@ def test_starts_by_insertion_if_the_search_does_not_compile_in_time(monkeypatch,
     )  # fmt: skip
     answer = ct.solve(model, "column-generation", time_limit=20.0)
     assert (answer.termination, answer.verification.ok) == ("feasible", True)
+
+
+@pytest.mark.parametrize(("limit", "least"), [(1.0, 0.4), (4.0, 1.0), (30.0, 2.9)])
+def test_the_first_search_has_one_second_of_a_short_limit(
+    limit, least, monkeypatch, in_this_process
+):
+    """A tenth of 1 s gave a longest route of 238.7 instead of 220.8."""
+    pytest.importorskip("pyvrp")
+    granted = []
+
+    def record(self, problem, request):
+        granted.append(request.time_limit)
+        raise OutOfTime
+
+    def stop(*_):
+        raise route_tree.Stopped
+
+    monkeypatch.setattr(column_generation.PyVrpRouting, "run", record)
+    monkeypatch.setattr(column_generation._Search, "_root", stop)
+    solved(timed_fleet(), limit)
+    assert least <= granted[0] <= least + 0.2
+
+
+def test_bounds_the_longest_route_of_one_vehicle_like_the_sum(in_this_process):
+    """Bisection to a length without a feasible relaxation gave a lower bound."""
+    rng = np.random.default_rng(15)
+    points, begins = 100 * rng.random((13, 2)), 200 * rng.random(12)
+    windows = [None, *((a, a + 300.0) for a in begins)]
+    longest, total = (
+        solved(
+            FleetRouting(1, points=points, objective=objective, windows=windows), branch=False
+        ).dual_bound
+        for objective in ("max", "sum")
+    )
+    assert longest == pytest.approx(total, rel=1e-9)
