@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
+from ..resource_routing.front_kernels import widened
 
 __all__ = ["Labels", "add", "close", "dominated", "grown", "link", "make", "visited"]
 
@@ -51,18 +52,12 @@ def make(room: int, words: int) -> Labels:
 
 
 @kernel
-def grown(labels: Labels, used: int, room: int) -> Labels:
-    """Return columns for `room` labels that start with the first `used` labels."""
-    wider = make(room, labels.visited.shape[1])
-    for k in range(used):
-        wider.slot[k] = labels.slot[k]
-        wider.parent[k] = labels.parent[k]
-        wider.following[k] = labels.following[k]
-        wider.length[k] = labels.length[k]
-        wider.error[k] = labels.error[k]
-        for word in range(labels.visited.shape[1]):
-            wider.visited[k, word] = labels.visited[k, word]
-    return wider
+def grown(labels: Labels, room: int) -> Labels:
+    """Return columns for `room` labels that start with `labels`."""
+    return Labels(
+        widened(labels.slot, room), widened(labels.parent, room), widened(labels.following, room),
+        widened(labels.length, room), widened(labels.error, room), widened(labels.visited, room),
+    )  # fmt: skip
 
 
 @kernel

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import MOST_LABELS, kernel
+from ..resource_routing.front_kernels import widened
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .outcomes import FOUND, FULL, NOTHING, STOPPED
-from .steps import trace, widened
+from .steps import trace
 
 __all__ = ["correct_labels", "label_points", "send_pulses"]
 

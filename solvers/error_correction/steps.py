@@ -7,7 +7,6 @@ horizontal point the vertical error survives, at a vertical point the horizontal
 from __future__ import annotations
 
 from heapq import heappop, heappush
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,6 @@ from .grid import Grid, near, near_beyond, reach
 
 __all__ = [
     "REFUSED", "arrive", "distance", "distances_to", "least_errors", "radius_of", "remaining", "trace",
-    "widened",
 ]  # fmt: skip
 
 #: Result of :func:`arrive` for an arc that violates a threshold of its head.
@@ -152,15 +150,6 @@ def trace(points: NDArray[np.int64], parents: NDArray[np.int64], label: int) -> 
         count -= 1
         route[count], at = points[at], parents[at]
     return route
-
-
-@kernel
-def widened(array: NDArray[Any], room: int) -> NDArray[Any]:
-    """Return an array of `room` entries that starts with those of `array`."""
-    wider = np.empty(room, array.dtype)
-    for k in range(len(array)):
-        wider[k] = array[k]
-    return wider
 
 
 @kernel(interpretable=True)

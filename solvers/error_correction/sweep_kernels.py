@@ -74,7 +74,7 @@ def best_first(
             return FULL, nothing, np.inf, key, used, settled
         if used + count >= room:
             room = 2 * (used + count)
-            labels = grown(labels, used, room)
+            labels = grown(labels, room)
         kind, error, length = grid.kinds[here], labels.error[label], labels.length[label]
         if length + to_end[here] <= ceiling:
             if arrive(space, kind, END, error, to_end[here]) != REFUSED:

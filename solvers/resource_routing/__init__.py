@@ -6,6 +6,7 @@ SHARED = (
     "elementary.Found",
     "elementary.elementary",
     "first.route_in_time",
+    "front_kernels.widened",
     "native.RouteSearch",
     "outcomes.FOUND",
     "outcomes.FULL",

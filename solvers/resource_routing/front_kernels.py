@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["Fronts", "Labels", "dominated", "fronts_of", "grown", "inserted", "make"]
+__all__ = ["Fronts", "Labels", "dominated", "fronts_of", "grown", "inserted", "make", "widened"]
 
 
 class Labels(NamedTuple):
@@ -75,18 +75,20 @@ def make(room: int, resources: int, words: int) -> Labels:
 
 
 @kernel
-def grown(labels: Labels, used: int, room: int) -> Labels:
-    """Return columns for `room` labels that start with the first `used` labels."""
-    wider = make(room, labels.level.shape[1], labels.visited.shape[1])
-    for k in range(used):
-        wider.point[k] = labels.point[k]
-        wider.parent[k] = labels.parent[k]
-        wider.length[k] = labels.length[k]
-        for column in range(labels.level.shape[1]):
-            wider.level[k, column] = labels.level[k, column]
-        for word in range(labels.visited.shape[1]):
-            wider.visited[k, word] = labels.visited[k, word]
+def widened(array: NDArray[Any], room: int) -> NDArray[Any]:
+    """Return an array of `room` rows that starts with those of `array`."""
+    wider = np.empty((room,) + array.shape[1:], array.dtype)  # noqa: RUF005 (Numba)
+    wider[: len(array)] = array
     return wider
+
+
+@kernel
+def grown(labels: Labels, room: int) -> Labels:
+    """Return columns for `room` labels that start with `labels`."""
+    return Labels(
+        widened(labels.point, room), widened(labels.parent, room), widened(labels.length, room),
+        widened(labels.level, room), widened(labels.visited, room),
+    )  # fmt: skip
 
 
 @kernel

@@ -206,7 +206,7 @@ def best_first(
         begin, stop = net.first[here], net.first[here + 1]
         if used + stop - begin >= room:
             room = 2 * (used + stop - begin)
-            labels = grown(labels, used, room)
+            labels = grown(labels, room)
         for arc in range(begin, stop):
             there = net.head[arc]
             if guide.ahead[there] == np.inf or not extend(

@@ -100,7 +100,7 @@ def narrow(
         begin, stop = net.first[here], net.first[here + 1]
         if used + stop - begin >= room:
             room = 2 * (used + stop - begin)
-            labels = grown(labels, used, room)
+            labels = grown(labels, room)
         for arc in range(begin, stop):
             there = net.head[arc]
             if ahead[there] == np.inf or extended[there] >= width:
