@@ -2,7 +2,8 @@
 
 All times are CPU seconds of this process. pyastar2d solves an easier problem, see ``test_grid_speed.py``. SciPy
 searches from the start to all cells. networkx and ``ct.solve`` get few scenarios. The overhead of a query is its time
-without the search. Every length is compared with the published one. Run with ``make bench``, or::
+without the search. Every length is compared with the published one. The first test writes the table "prepared" of
+``docs/measured/grid-path.json``. Run with ``make bench``, or::
 
     pytest tests/benchmarks/grid_path/test_prepared_speed.py -s
 """
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.measured import write
 from grid_path.grids import SCENARIOS, as_printed, graph, movingai
 from scipy.sparse.csgraph import dijkstra
 
@@ -23,6 +25,8 @@ from crosstrack.models import GridPath
 
 #: Scenarios of each map, and those of slow peers.
 MANY, FEW = 200, 8
+#: Columns of the table.
+PEERS = ("prepared", "ct.solve", "pyastar2d", "SciPy", "networkx")
 
 
 def per_query(call: Any, cases: Any) -> float:
@@ -84,6 +88,10 @@ def test_queries_by_map(name: str, capsys: Any) -> None:
         print(f"\n{name}: {grid.shape[0]} × {grid.shape[1]} cells, overhead {overhead:.3f} ms")
         for label, value in times.items():
             print(f"  {label:10} {value:9.3f} ms, ratio {value / times['prepared']:8.2f}")
+    row = [name, grid.blocked.size, overhead, *(times.get(peer) for peer in PEERS)]
+    columns = {"map": "", "cells": "d", "beyond the search": ".3f"} | dict.fromkeys(PEERS, ".3f")
+    said = "CPU time per query in milliseconds."
+    write("grid-path", "prepared", __file__, columns, [row], ("numba", "scipy"), said, merge=True)
 
 
 @pytest.mark.parametrize("name", ["den520d", "maze512-8-0"])
