@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import show
-from .camera import PIXELS, crop
+from .camera import PIXELS
 from .plan import ACTIONS, STEPS, NavigationRuns
 from .scenes import Hover, Scenes
 
@@ -37,6 +37,7 @@ GOING, REACHED, OUT_OF_STEPS = 0, 1, 2
 _HEAD = 6
 #: Action that requests an observation without a step.
 LOOK = -1
+_MOVES = np.array(STEPS)
 
 
 class Looks(NamedTuple):
@@ -90,103 +91,129 @@ class World:
 
     def __init__(self, problem: Scenes) -> None:
         self.problem = problem
-        self._half = problem.view // 2
+        count, (rows, columns) = len(problem.starts), problem.shape.tolist()
+        #: States of the runs: ``GOING``, ``REACHED`` or ``OUT_OF_STEPS``.
+        self.states: Ints = np.full(count, GOING)
         self.positions: Ints = problem.starts.copy()
-        count = len(problem.starts)
-        self._centres: Ints = problem.starts.copy()
-        away = np.abs(problem.targets - problem.starts)
-        self._hovers = (problem.uav is Hover.PAPER) & np.asarray((away <= self._half).all(axis=1))
         self.taken = np.zeros(count, np.int64)
-        self._actions: list[list[str]] = [[] for _ in range(count)]
         self.collisions = np.zeros(count, np.int64)
+        self._centres: Ints = problem.starts.copy()
+        self._hovers = np.zeros(count, bool)
+        #: Actions per scene; only the first `taken` columns are used.
+        self._actions = np.empty((count, 64), np.int8)
+        # One frame of blocked cells represents all cells outside the map.
+        self._cells = np.full((count, rows + 2, columns + 2), BLOCKED, np.int8)
+        self._cells[:, 1:-1, 1:-1][~problem.blocked] = FREE
+        self._cells[np.arange(count), *(problem.targets + 1).T] = TARGET
         self._columns = int(problem.view.prod()) if problem.camera is None else 3 * PIXELS**2
+        self._limits = (np.array([0, LOOK]), np.array([count, len(STEPS)]))
+        self._half, self._last = problem.view // 2, problem.shape + 1
+        self._offsets = [np.arange(side) - side // 2 + 1 for side in problem.view.tolist()]
+        self._move_uav(np.arange(count))
 
     def __call__(self, questions: Floats) -> Floats:
         """Return the answers to questions, shape (n, 2), in the same order.
+
+        A scene may occur several times. Its steps are then executed one after another.
 
         Raises
         ------
         InvalidData
             The shape, a scene or an action is invalid, or the run of the scene has ended.
         """
+        rows = self._read(questions)
+        scenes = rows[:, 0]
+        if len(rows) > 1 and (scenes[1:] <= scenes[:-1]).any():
+            return np.concatenate([self(row[None]) for row in questions])
+        self._act(rows[rows[:, 1] != LOOK])
+        return self._answer(scenes)
+
+    def state(self, scene: int) -> int:
+        """Return the state of a scene's run: ``GOING``, ``REACHED`` or ``OUT_OF_STEPS``."""
+        return int(self.states[scene])
+
+    def contradiction(self, plan: NavigationRuns) -> str:
+        """Return the first difference between `plan` and the simulated actions, or an empty string."""
+        runs = zip(plan.actions, self._actions, self.taken.tolist(), strict=True)
+        for scene, (claim, actions, taken) in enumerate(runs):
+            if claim != "".join(ACTIONS[action] for action in actions[:taken].tolist()):
+                return f"the actions of scene {scene} are not those that the run took"
+        return ""
+
+    def _read(self, questions: Floats) -> Ints:
+        """Return the scenes and actions of valid `questions`, shape (n, 2)."""
         if questions.ndim != 2 or questions.shape[1] != 2:
             raise InvalidData(
                 f"questions must have shape (n, 2), got {questions.shape}", field="actions"
             )
-        answers = np.empty((len(questions), _HEAD + self._columns))
-        for row, (scene, action) in enumerate(questions.tolist()):
-            if scene not in range(len(self.positions)):
-                raise InvalidData(
-                    f"scene must be 0 … {len(self.positions) - 1}, got {show(scene)}",
-                    field="actions",
-                )
-            self._act(int(scene), action)
-            self._write_answer(int(scene), answers[row])
-        return answers
+        low, high = self._limits
+        # Comparisons with NaN are false.
+        valid = (questions >= low) & (questions < high) & (questions == np.floor(questions))
+        if not valid.all():
+            row, column = np.argwhere(~valid)[0]
+            what = (
+                f"scene must be 0 … {high[0] - 1}",
+                "an action must be 0 (up), 1 (down), 2 (left), 3 (right) or -1 (look)",
+            )[column]
+            value = show(questions[row, column].item())
+            raise InvalidData(f"{what}, got {value}", field="actions")
+        return questions.astype(np.int64)
 
-    def state(self, scene: int) -> int:
-        """Return the state of a scene's run: ``GOING``, ``REACHED`` or ``OUT_OF_STEPS``."""
-        if (self.positions[scene] == self.problem.targets[scene]).all():
-            return REACHED
-        return OUT_OF_STEPS if self.taken[scene] >= self.problem.steps else GOING
-
-    def contradiction(self, plan: NavigationRuns) -> str:
-        """Return the first difference between `plan` and the simulated actions, or an empty string."""
-        for scene, (claim, letters) in enumerate(zip(plan.actions, self._actions, strict=True)):
-            if claim != "".join(letters):
-                return f"the actions of scene {scene} are not those that the run took"
-        return ""
-
-    def _act(self, scene: int, action: float) -> None:
-        if action == LOOK:
+    def _act(self, rows: Ints) -> None:
+        """Execute actions in different scenes; `rows` are scenes and actions, shape (n, 2)."""
+        if not len(rows):
             return
-        if action not in range(4):
-            raise InvalidData(
-                f"an action must be 0 (up), 1 (down), 2 (left), 3 (right) or -1 (look), got "
-                f"{show(action)}",
-                field="actions",
-            )
-        if self.state(scene) != GOING:
-            raise InvalidData(f"the run of scene {scene} has ended", field="actions")
-        self.taken[scene] += 1
-        self._actions[scene].append(ACTIONS[int(action)])
-        cell = self.positions[scene] + STEPS[int(action)]
-        inside = (cell >= 0).all() and (cell < self.problem.shape).all()
-        if not inside or self.problem.blocked[scene, cell[0], cell[1]]:
-            self.collisions[scene] += 1
-            return
-        self.positions[scene] = cell
-        self._move_uav(scene)
+        scenes, actions = rows.T
+        ended = self.states[scenes] != GOING
+        if ended.any():
+            raise InvalidData(f"the run of scene {scenes[ended][0]} has ended", field="actions")
+        taken = self.taken[scenes]
+        if taken.max() == self._actions.shape[1]:
+            self._actions = np.tile(self._actions, 2)
+        self._actions[scenes, taken] = actions
+        self.taken[scenes] = taken + 1
+        cells = self.positions[scenes] + _MOVES[actions]
+        hits = self._cells[scenes, cells[:, 0] + 1, cells[:, 1] + 1] == BLOCKED
+        self.collisions[scenes] += hits
+        moved, cells = scenes[~hits], cells[~hits]
+        self.positions[moved] = cells
+        self._move_uav(moved)
+        self.states[scenes[taken + 1 >= self.problem.steps]] = OUT_OF_STEPS
+        self.states[moved[(cells == self.problem.targets[moved]).all(axis=1)]] = REACHED
 
-    def _move_uav(self, scene: int) -> None:
+    def _move_uav(self, scenes: Ints) -> None:
         """Move the UAV above the vehicle, unless it hovers under the rule ``PAPER``."""
-        if self._hovers[scene]:
-            return
-        self._centres[scene] = self.positions[scene]
-        away = np.abs(self.problem.targets[scene] - self._centres[scene])
-        self._hovers[scene] = self.problem.uav is Hover.PAPER and (away <= self._half).all()
+        scenes = scenes[~self._hovers[scenes]]
+        self._centres[scenes] = self.positions[scenes]
+        if self.problem.uav is Hover.PAPER:
+            away = np.abs(self.problem.targets[scenes] - self.positions[scenes])
+            self._hovers[scenes] = (away <= self._half).all(axis=1)
 
-    def _write_answer(self, scene: int, answer: Floats) -> None:
-        problem = self.problem
-        corner = self._centres[scene] - self._half
-        answer[:2], answer[2:4] = self.positions[scene], corner
-        answer[4], answer[5] = self.state(scene), self.collisions[scene]
+    def _answer(self, scenes: Ints) -> Floats:
+        """Return the answers of several scenes, one row per scene."""
+        problem, centres = self.problem, self._centres[scenes]
+        corners = centres - self._half
+        answers = np.empty((len(scenes), _HEAD + self._columns))
+        answers[:, :2], answers[:, 2:4] = self.positions[scenes], corners
+        answers[:, 4], answers[:, 5] = self.states[scenes], self.collisions[scenes]
         if problem.camera is None:
-            answer[_HEAD:] = self.cells(scene, corner).ravel()
-            return
+            answers[:, _HEAD:] = self.cells(scenes, centres).reshape(len(scenes), self._columns)
+            return answers
         from .rendering import render
 
-        seed = (problem.camera.seed, scene, int(self.taken[scene]))
-        answer[_HEAD:] = render(
-            problem.blocked[scene], problem.targets[scene], corner, problem.view,
-            problem.camera.rendering, seed,
-        ).ravel()  # fmt: skip
+        for row, scene in enumerate(scenes.tolist()):
+            seed = (problem.camera.seed, scene, int(self.taken[scene]))
+            answers[row, _HEAD:] = render(
+                problem.blocked[scene], problem.targets[scene], corners[row], problem.view,
+                problem.camera.rendering, seed,
+            ).ravel()  # fmt: skip
+        return answers
 
-    def cells(self, scene: int, corner: Ints) -> Floats:
-        """Return the cells of the view whose first cell is `corner`, shape of the view."""
-        blocked = crop(self.problem.blocked[scene], corner, self.problem.view)
-        window = np.where(blocked, float(BLOCKED), float(FREE))
-        row, column = self.problem.targets[scene] - corner
-        if 0 <= row < len(window) and 0 <= column < window.shape[1]:
-            window[row, column] = TARGET
-        return window
+    def cells(self, scenes: Ints, centres: Ints) -> NDArray[np.int8]:
+        """Return the cells of the views around `centres`, shape (n, 2), one view per scene."""
+        rows, columns = (
+            (centres[:, axis, None] + self._offsets[axis]).clip(0, self._last[axis])
+            for axis in (0, 1)
+        )
+        views = self._cells[scenes[:, None, None], rows[:, :, None], columns[:, None, :]]
+        return np.asarray(views)

@@ -5,12 +5,14 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from unknown_grid.loop_world import LoopWorld
 from unknown_grid.scenes import models, run
 from unknown_grid.walks import PlainWorld, Told, request_for
 
+import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.models import UnknownGridNavigation
-from crosstrack.models.unknown_grid import World
+from crosstrack.models.unknown_grid import NavigationRuns, World
 from crosstrack.models.unknown_grid.world import LOOK, Looks
 from crosstrack.solvers.contract.enums import Limit
 
@@ -47,6 +49,36 @@ def test_every_answer_is_that_of_the_rules(model, data):
             assert looks.states[row] == plain[k].state()
             assert looks.collisions[row] == plain[k].hit
             assert looks.view[row].tolist() == plain[k].shown()
+
+
+@settings(max_examples=60, deadline=None)
+@given(model=models(scenes=4), data=st.data())
+def test_the_answers_equal_those_of_a_loop_over_the_scenes(model, data):
+    world, loop = World(model), LoopWorld(model)
+    for _ in range(data.draw(st.integers(1, 12))):
+        asked = []
+        for k in data.draw(st.lists(st.integers(0, model.scenes - 1), max_size=6)):
+            # The scenes may repeat, in any order.
+            moves = [row for row in asked if row[0] == k and row[1] != LOOK]
+            going = loop.state(k) == 0 and not moves
+            asked.append((k, data.draw(st.integers(LOOK, 3 if going else LOOK))))
+        questions = np.array(asked, float).reshape(-1, 2)
+        np.testing.assert_array_equal(world(questions), loop(questions))
+        assert [world.state(k) for k in range(model.scenes)] == [
+            loop.state(k) for k in range(model.scenes)
+        ]
+    runs = tuple(map("".join, loop._actions))
+    for actions in (runs, ("U", *runs[1:]), (*runs[:-1], runs[-1] + "R")):
+        plan = NavigationRuns(actions, ("gave up",) * model.scenes)
+        assert world.contradiction(plan) == loop.contradiction(plan)
+
+
+def test_the_images_equal_those_of_a_loop_over_the_scenes():
+    model = ct.load("unknown-grid/camera-hard")
+    world, loop = World(model), LoopWorld(model)
+    for action in (LOOK, 3, 1, 0):
+        questions = np.array([[2.0, action], [5.0, action]])
+        np.testing.assert_array_equal(world(questions), loop(questions))
 
 
 @settings(max_examples=25, deadline=None)
@@ -92,6 +124,15 @@ def test_the_target_is_seen_through_obstacles_and_a_collision_uses_a_step():
 def test_the_target_counts_though_the_steps_are_used_up():
     world = World(UnknownGridNavigation.drawn(["ST"], view=(1, 1), steps=1))
     assert ask(world, (0, 3)).states.tolist() == [1]
+
+
+def test_the_actions_of_long_runs_are_stored():
+    world = World(UnknownGridNavigation.drawn(["S.T"], ["T@S"], view=(1, 1), steps=300))
+    for _ in range(300):
+        ask(world, (0, 0), (1, 3))
+    outcomes = ("out of steps",) * 2
+    assert not world.contradiction(NavigationRuns(("U" * 300, "R" * 300), outcomes))
+    assert "scene 1" in world.contradiction(NavigationRuns(("U" * 300, "R" * 299), outcomes))
 
 
 def test_each_run_has_its_own_world():
