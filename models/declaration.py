@@ -58,6 +58,8 @@ class Declared(_Frozen):
         for field in dataclasses.fields(self):
             if (spec := field.metadata.get("spec")) is not None:
                 value, default = getattr(self, field.name), field.default
+                if callable(field.default_factory):  # that of a hidden field
+                    default = field.default_factory()
                 # Types first: the comparison of an array has no single truth value.
                 is_default = type(value) is type(default) and value == default
                 if not (field.metadata.get("added") and is_default):

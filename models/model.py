@@ -159,7 +159,7 @@ class Model(Declared, ABC, Generic[PlanT]):
     if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt attribute
 
         def __getattr__(self, name: str) -> Any:
-            if name in type(self).hidden_fields():
+            if name in self.__dataclass_fields__ and self.is_blinded:
                 raise HiddenData(f"{name} of model {self.kind!r} is hidden from backends")
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 

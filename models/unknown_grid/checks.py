@@ -8,15 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..verification import Check, Verification
+from .moving import obstacle_tracks
 from .plan import NavigationRuns, Outcome
-from .scenes import Scenes
+from .scenes import Corners, Scenes
 
 __all__ = ["Replay", "has_way", "replay", "verify_runs"]
 
 Truths = NDArray[np.bool_]
 
 #: Change of row and column per letter.
-_MOVES = {"U": (-1, 0), "D": (1, 0), "L": (0, -1), "R": (0, 1)}
+_MOVES = {
+    "U": (-1, 0), "D": (1, 0), "L": (0, -1), "R": (0, 1), "W": (0, 0),
+    "Q": (-1, -1), "E": (-1, 1), "Z": (1, -1), "C": (1, 1),
+}  # fmt: skip
 
 
 class Replay(NamedTuple):
@@ -30,17 +34,51 @@ class Replay(NamedTuple):
     collided: Truths
 
 
-def replay(blocked: Truths, start: tuple[int, int], actions: str) -> Replay:
-    """Return the positions and collisions that `actions` (letters U, D, L, R) cause on a map, true if blocked."""
+def replay(
+    blocked: Truths,
+    start: tuple[int, int],
+    actions: str,
+    corners: Corners = Corners.FREE,
+    tracks: NDArray[np.int64] | None = None,
+) -> Replay:
+    """Return the positions and collisions that `actions` cause on a map, true if blocked.
+
+    Parameters
+    ----------
+    blocked : ndarray of bool, shape (rows, columns)
+        True map.
+    start : (int, int)
+        Row and column.
+    actions : str
+        Letters of the actions.
+    corners : Corners
+        Allowed diagonal steps.
+    tracks : ndarray of int, shape (m, n, 2), optional
+        Cells of the moving obstacles after 0 … n - 1 actions.
+    """
     rows, columns = blocked.shape
+
+    def is_wall(r: int, c: int) -> bool:
+        return not (0 <= r < rows and 0 <= c < columns) or bool(blocked[r, c])
+
     row, column = start
     positions, collided = [(row, column)], []
-    for letter in actions:
+    others: list[list[tuple[int, int]]] = [] if tracks is None else tracks.tolist()
+    for step, letter in enumerate(actions, start=1):
         down, across = _MOVES[letter]
         next_row, next_column = row + down, column + across
-        hit = not (0 <= next_row < rows and 0 <= next_column < columns) or bool(
-            blocked[next_row, next_column]
-        )
+        hit = is_wall(next_row, next_column)
+        if down and across:
+            sides = is_wall(next_row, column) + is_wall(row, next_column)
+            hit = hit or sides > {Corners.FREE: 0, Corners.ONE: 1, Corners.ANY: 2}[corners]
+        # The obstacles stop at the end of their tracks if a run has too many actions, which is a violation.
+        moved = [
+            (track[min(step, len(track)) - 1], track[min(step, len(track) - 1)]) for track in others
+        ]
+        for (r, c), (new_r, new_c) in moved:
+            same_end = (new_r, new_c) == (next_row, next_column)
+            same_middle = (r + new_r, c + new_c) == (row + next_row, column + next_column)
+            hit = hit or same_end or same_middle
         if not hit:
             row, column = next_row, next_column
         collided.append(hit)
@@ -48,11 +86,19 @@ def replay(blocked: Truths, start: tuple[int, int], actions: str) -> Replay:
     return Replay(np.array(positions, np.int64), np.array(collided, bool))
 
 
-def has_way(blocked: Truths, start: tuple[int, int], target: tuple[int, int]) -> bool:
-    """Return whether a path over free cells of a map, true if blocked, connects two free cells."""
+def has_way(
+    blocked: Truths,
+    start: tuple[int, int],
+    target: tuple[int, int],
+    corners: Corners = Corners.FREE,
+) -> bool:
+    """Return whether a path over free cells of a map, true if blocked, connects two free cells.
+
+    A diagonal step past a free cell can be replaced by two others, so only corners ``"any"`` add paths.
+    """
     from scipy.ndimage import label
 
-    parts, _ = label(~blocked)
+    parts, _ = label(~blocked, np.ones((3, 3)) if corners is Corners.ANY else None)
     return bool(parts[start] == parts[target])
 
 
@@ -67,9 +113,10 @@ def verify_runs(model: Scenes, plan: NavigationRuns, tolerance: float) -> Verifi
     wrong[Outcome.OUT_OF_STEPS] = wrong[Outcome.GAVE_UP]
     overrun: list[str] = []
     longest, at_longest = 0, 0
+    tracks = obstacle_tracks(model)
     for k, (actions, outcome) in enumerate(zip(plan.actions, plan.outcomes, strict=True)):
         start, target = tuple(model.starts[k].tolist()), tuple(model.targets[k].tolist())
-        run = replay(model.blocked[k], start, actions)
+        run = replay(model.blocked[k], start, actions, model.corners, tracks[k])
         there = (run.positions == model.targets[k]).all(axis=1)
         reached = bool(there[-1])
         if there[:-1].any():
@@ -78,7 +125,8 @@ def verify_runs(model: Scenes, plan: NavigationRuns, tolerance: float) -> Verifi
             longest, at_longest = len(actions), k
         valid = {
             Outcome.REACHED: reached,
-            Outcome.NO_WAY: not reached and not has_way(model.blocked[k], start, target),
+            Outcome.NO_WAY: not reached
+            and not has_way(model.blocked[k], start, target, model.corners),
             Outcome.GAVE_UP: not reached,
             Outcome.OUT_OF_STEPS: not reached and len(actions) >= model.steps,
         }[outcome]

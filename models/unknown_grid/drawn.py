@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from ..plots import kit
 from .checks import replay
-from .plan import ACTIONS, STEPS, NavigationRuns, Outcome
-from .sight import first_seen, uav_cells
+from .moving import obstacle_tracks
+from .plan import LETTERS, MOVES, NavigationRuns, Outcome
+from .scenes import Aspect, aspects_of
+from .sight import first_seen, uav_cells, wrong_readings
 
 if TYPE_CHECKING:
     from .model import UnknownGridNavigation
@@ -30,6 +32,8 @@ _SHADES = np.array(
 )
 #: Colours of the vehicle, and of the UAV and the edge of its view.
 VEHICLE, UAV = kit.colour_of(0), kit.colour_of(1)
+#: Colour of moving obstacles and of wrong readings.
+OTHER = "#8c2d04"
 #: Maximum number of cells along a side with lines between them.
 _MOST_LINES = 60
 #: Maximum number of cells along a side that a moment draws one by one.
@@ -52,7 +56,8 @@ class Walk(NamedTuple):
 
     `positions` and `uav` have the shape (n + 1, 2), `hits` are the edges that the vehicle ran into in the actions
     `hit_after`, counted from 1, and `seen` is the number of actions before each cell was first seen; n + 1 if it
-    was never seen. `outcome` is that of the plan.
+    was never seen. `outcome` is that of the plan. `others`, shape (m, n + 1, 2), are the moving obstacles,
+    and `noisy` is true if readings may be wrong.
     """
 
     positions: Ints
@@ -61,6 +66,8 @@ class Walk(NamedTuple):
     uav: Ints
     seen: Ints
     outcome: Outcome
+    others: Ints
+    noisy: bool
 
     @property
     def steps(self) -> int:
@@ -83,12 +90,16 @@ def walk_of(model: UnknownGridNavigation, plan: NavigationRuns, scene: int) -> W
     """Return the positions, collisions and cells seen of the run in one scene."""
     actions = plan.actions[scene]
     row, column = model.starts[scene].tolist()
-    positions, collided = replay(model.blocked[scene], (row, column), actions)
-    moves = np.array([STEPS[ACTIONS.index(letter)] for letter in actions]).reshape(-1, 2)
+    tracks = obstacle_tracks(model)[scene]
+    positions, collided = replay(
+        model.blocked[scene], (row, column), actions, model.corners, tracks
+    )
+    moves = np.array([MOVES[LETTERS.index(letter)] for letter in actions]).reshape(-1, 2)
     return Walk(
         positions, positions[:-1][collided] + 0.5 * moves[collided], np.flatnonzero(collided) + 1,
         uav_cells(model, scene, positions), first_seen(model, scene, positions),
-        plan.outcomes[scene],
+        plan.outcomes[scene], tracks[:, np.minimum(np.arange(len(actions) + 1), model.steps)],
+        Aspect.NOISE in aspects_of(model),
     )  # fmt: skip
 
 
@@ -180,7 +191,7 @@ class Moment:
         from matplotlib.patches import Rectangle
 
         self.axes, self.model, self.walk = axes, model, walk
-        self._blocked = model.blocked[scene]
+        self._blocked, self._scene = model.blocked[scene], scene
         self._image: Any = None
         axes.set_xticks([])
         axes.set_yticks([])
@@ -200,6 +211,10 @@ class Moment:
                 ("D", 11, "UAV", uav | clip),
             )
         )
+        square: dict[str, Any] = {"mfc": OTHER, "mec": "white", "mew": 0.6, "ms": 0.9 * size}
+        self._others = axes.plot([], [], "s", zorder=4, gid="moving", **square, **clip)[0]
+        wrong: dict[str, Any] = {"mec": OTHER, "mew": 1.0, "ms": 0.5 * size}
+        self._wrong = axes.plot([], [], "+", zorder=3, gid="wrong", **wrong, **clip)[0]
         view = Rectangle((0, 0), 0, 0, fc="none", ec=UAV, lw=1.4, zorder=6, gid="view")
         self._view = axes.add_patch(view)
 
@@ -216,10 +231,14 @@ class Moment:
             draw_grid(self.axes, box)
         self._way.set_data(*walk.positions[: step + 1, ::-1].T)
         self._hits.set_data(*walk.hits[walk.hit_after <= step, ::-1].T)
+        self._others.set_data(*walk.others[:, step, ::-1].T)
+        uav = walk.uav[step]
+        wrong = wrong_readings(self.model, self._scene, walk.positions[step], uav, step)
+        self._wrong.set_data(*wrong[:, ::-1].T)
         self._vehicle.set_data(*walk.positions[[step], ::-1].T)
         self._uav.set_data(*walk.uav[[step], ::-1].T)
         rows, columns = self.model.view.tolist()
-        row, column = walk.uav[step].tolist()
+        row, column = uav.tolist()
         self._view.set_bounds(column - 0.5 * columns, row - 0.5 * rows, columns, rows)
         self._view.set_linestyle("--" if step >= walk.hovers_after else "-")
 
@@ -240,6 +259,9 @@ def keys_of(walk: Walk | None, *, moving: bool) -> list[Any]:
         keys.append(kit.key("UAV and its view", marker="D", mfc="none", mec=UAV, mew=1.4, ms=6))
         hovers = walk.hovers_after <= walk.steps
         keys += [kit.key("the UAV hovers", color=UAV, lw=1.4, ls="--")] * hovers
+        square = kit.key("moving obstacle", marker="s", mfc=OTHER, mec="white", ms=6)
+        keys += [square] * bool(len(walk.others))
+        keys += [kit.key("wrong reading", marker="+", mec=OTHER, ms=5)] * walk.noisy
     keys += [kit.key("collision", marker="x", mec=kit.RED, mew=1.6, ms=5)] * bool(len(walk.hits))
     return keys
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..declaration import Nested
-from ..fields import Array, Optional, Whole, declared, required, show
-from ..grid_path import GridMap, distances
+from ..fields import Array, Flag, Optional, Real, Whole, declared, required, show
+from ..grid_path import Connectivity, GridMap, distances
 from ..grid_path.gridmap import read_cells
 from ..inputs import Field, Numbers
 from ..model import Model
@@ -24,8 +24,9 @@ from ..records import Member
 from ..verification import TOLERANCE, Verification, check_tolerance
 from .camera import Camera
 from .checks import Replay, replay, verify_runs
+from .moving import fewest_run, obstacle_tracks
 from .plan import NavigationRuns
-from .scenes import Hover
+from .scenes import MOST, Corners, Hover, actions_of, aspects_of, check_aspects
 from .world import World
 
 __all__ = ["Score", "UnknownGridNavigation"]
@@ -33,9 +34,6 @@ __all__ = ["Score", "UnknownGridNavigation"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
-
-#: Maximum number of cells of all maps together.
-MOST = 2**26
 
 
 class Maps(Array):
@@ -90,12 +88,17 @@ class Score(NamedTuple):
     ratio : float
         Mean ratio of steps taken to fewest steps over the scenes whose target was reached; NaN if
         no target was reached.
+    spl : float
+        Success weighted by path length, from 0 to 1: the mean over all scenes of S l / max(p, l) with
+        the success S (0 or 1), the fewest steps l and the steps taken p (P. Anderson et al., "On
+        Evaluation of Embodied Navigation Agents", 2018). Collisions and waiting are steps.
     """
 
     scenes: int
     reached: int
     collisions: int
     ratio: float
+    spl: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -125,6 +128,24 @@ class UnknownGridNavigation(Model[NavigationRuns]):
     camera : Camera, optional
         Camera that returns images instead of cells. The target is invisible in them. None returns
         cells.
+    connectivity : {"4", "8"}, default "4"
+        Neighbours that a step may lead to, see :class:`~crosstrack.models.grid_path.Connectivity`.
+    corners : {"free", "one", "any"}, default "free"
+        Allowed diagonal steps, see :class:`~crosstrack.models.unknown_grid.Corners`.
+    occlusion : bool, default False
+        Whether the view only shows the cells in line of sight of its middle cell.
+    false_obstacles, missed_obstacles : float, default 0
+        Probabilities, below 1, that a shown free cell appears blocked, and a blocked cell free.
+    target_known : bool, default True
+        Whether a policy receives the targets. Otherwise `targets` is hidden, and a policy has to search.
+    moving : int, default 0
+        Number of obstacles that move per scene, see :mod:`~crosstrack.models.unknown_grid.moving`. Policies
+        may wait.
+    tracks : ndarray of int, shape (k, moving, n, 2), optional
+        Cells of the moving obstacles, hidden from backends. Consecutive cells are equal or neighbours. After the
+        last cell an obstacle returns along its track. None lets the obstacles walk at random.
+    seed : int, default 0
+        Seed of the readings and random walks, hidden from backends.
 
     Notes
     -----
@@ -157,6 +178,19 @@ class UnknownGridNavigation(Model[NavigationRuns]):
     camera: Field[Camera | Mapping[str, Any] | None, Camera | None] = declared(
         Optional(Nested(Camera)), default=None
     )
+    connectivity: Field[str, Connectivity] = declared(
+        Member(Connectivity), default=Connectivity.FOUR, added=True
+    )
+    corners: Field[str, Corners] = declared(Member(Corners), default=Corners.FREE, added=True)
+    occlusion: bool = declared(Flag(), default=False, added=True)
+    false_obstacles: float = declared(Real(0, 1), default=0.0, added=True)
+    missed_obstacles: float = declared(Real(0, 1), default=0.0, added=True)
+    target_known: bool = declared(Flag(), default=True, added=True)
+    moving: int = declared(Whole(0, 1000), default=0, added=True)
+    tracks: Field[Numbers | None, Ints | None] = declared(
+        Optional(Array(("k", "moving", "n", 2), int)), hidden=True, default=None, added=True
+    )
+    seed: int = declared(Whole(0, 2**32 - 1), hidden=True, default=0, added=True)
 
     kind: ClassVar[str] = "unknown-grid"
     objective_unit: ClassVar[str] = "steps"
@@ -202,6 +236,14 @@ class UnknownGridNavigation(Model[NavigationRuns]):
                 f"targets[{k}] must not be the start, got {show(self.targets[k].tolist())}",
                 field="targets",
             )
+        check_aspects(self)
+
+    def blinded(self) -> Self:
+        """Return the view for backends, without the true maps, tracks, seed, and targets if they are unknown."""
+        view = super().blinded()
+        if not self.target_known:
+            view.__dict__.pop("targets", None)
+        return view
 
     @classmethod
     def drawn(cls, *drawings: str | Sequence[str], **fields: Any) -> Self:
@@ -268,11 +310,19 @@ class UnknownGridNavigation(Model[NavigationRuns]):
     def fewest_steps(self) -> Floats:
         """Return the fewest steps from start to target on the true maps, shape (k,).
 
-        The entry of a scene without a path is infinite.
+        The entry of a scene without a path is infinite, and with moving obstacles also that of a scene whose
+        target cannot be reached within `steps`.
         """
+        if self.connectivity is Connectivity.EIGHT or self.moving:
+            return np.array([np.inf if run is None else len(run) for run in self.fewest_runs()])
         ends = zip(self.blocked, self.starts, self.targets, strict=True)
         lengths = [distances(GridMap(cells), [a, b], diagonal=False)[0, 1] for cells, a, b in ends]
         return np.array(lengths)
+
+    def fewest_runs(self) -> list[str | None]:
+        """Return the actions of a run with the fewest steps per scene; None if :meth:`fewest_steps` is infinite."""
+        tracks = obstacle_tracks(self)
+        return [fewest_run(self, k, tracks[k]) for k in range(self.scenes)]
 
     def replays(self, plan: NavigationRuns | Any) -> tuple[Replay, ...]:
         """Return the replays of a plan's runs on the true maps, one per scene.
@@ -288,11 +338,14 @@ class UnknownGridNavigation(Model[NavigationRuns]):
             The numbers of runs and scenes differ.
         """
         runs = self._checked(self.as_plan(plan)).actions
-        scenes = zip(self.blocked, self.starts.tolist(), runs, strict=True)
-        return tuple(replay(cells, (row, column), run) for cells, (row, column), run in scenes)
+        scenes = zip(self.blocked, self.starts.tolist(), runs, obstacle_tracks(self), strict=True)
+        return tuple(
+            replay(cells, (row, column), run, self.corners, tracks)
+            for cells, (row, column), run, tracks in scenes
+        )
 
     def score(self, plan: NavigationRuns | Any) -> Score:
-        """Return the reached scenes, the collisions and the mean ratio of steps to fewest steps.
+        """Return the reached scenes, the collisions, and the steps compared with the fewest steps.
 
         Parameters
         ----------
@@ -312,11 +365,12 @@ class UnknownGridNavigation(Model[NavigationRuns]):
             ]
         )
         steps = np.array([len(run.collided) for run in replays], float)
-        ratio = np.nan
+        ratio, spl = np.nan, 0.0
         if reached.any():
-            ratio = float((steps[reached] / self.fewest_steps()[reached]).mean())
+            ratios = steps[reached] / self.fewest_steps()[reached]
+            ratio, spl = float(ratios.mean()), float((1.0 / np.maximum(ratios, 1.0)).sum())
         collisions = int(sum(run.collided.sum() for run in replays))
-        return Score(self.scenes, int(reached.sum()), collisions, ratio)
+        return Score(self.scenes, int(reached.sum()), collisions, ratio, spl / self.scenes)
 
     def verify(self, plan: NavigationRuns, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the mean cost in steps, and check each outcome on the true maps."""
@@ -330,6 +384,13 @@ class UnknownGridNavigation(Model[NavigationRuns]):
                 f"actions must have {self.scenes} entries, one per scene, got {len(plan)}",
                 field="actions",
             )
+        allowed = actions_of(self)
+        for k, run in enumerate(plan.actions):
+            if wrong := run.strip(allowed):
+                raise InvalidData(
+                    f"actions[{k}] must have the letters {', '.join(allowed)} of this model, got {show(wrong[0])}",
+                    field="actions",
+                )
         return plan
 
     def describe(self) -> str:
@@ -337,7 +398,8 @@ class UnknownGridNavigation(Model[NavigationRuns]):
         scenes = "1 scene" if self.scenes == 1 else f"{self.scenes} scenes"
         rows, columns = self.shape
         camera = "" if self.camera is None else f", {self.camera.rendering} images"
+        aspects = "".join(f", {aspect}" for aspect in sorted(aspects_of(self)))
         return (
             f"{scenes} of {rows} × {columns} cells, view {self.view[0]} × {self.view[1]}, "
-            f"{self.steps} steps{camera}"
+            f"{self.steps} steps{camera}{aspects}"
         )

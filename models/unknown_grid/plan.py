@@ -11,12 +11,17 @@ from ..declaration import Plan
 from ..fields import Spec, declared, show
 from ..records import Member, Several
 
-__all__ = ["ACTIONS", "STEPS", "NavigationRuns", "Outcome"]
+__all__ = ["ACTIONS", "LETTERS", "MOVES", "STEPS", "WAIT", "NavigationRuns", "Outcome"]
 
 #: Letters of the actions up, down, left and right, in the order of their numbers 0 … 3.
 ACTIONS = "UDLR"
 #: Change of row and column per action.
 STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))
+#: The same of all actions: 4 … 7 are the diagonals, with the letters around S on a keyboard, and 8 waits.
+LETTERS = ACTIONS + "QEZCW"
+MOVES = (*STEPS, (-1, -1), (-1, 1), (1, -1), (1, 1), (0, 0))
+#: Number of the action that waits.
+WAIT = 8
 
 
 class Outcome(StrEnum):
@@ -36,9 +41,9 @@ class _Actions(Spec):
     """String of the letters of the actions."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> str:
-        if not isinstance(value, str) or value.strip(ACTIONS):
+        if not isinstance(value, str) or value.strip(LETTERS):
             raise InvalidData(
-                f"{name} must be a string of the letters {', '.join(ACTIONS)}, got {show(value)}",
+                f"{name} must be a string of the letters {', '.join(LETTERS)}, got {show(value)}",
                 field=name,
             )
         return value
@@ -52,7 +57,8 @@ class NavigationRuns(Plan):
     ----------
     actions : tuple of str
         One string per scene with the letters U (previous row), D (next row), L (previous column) and
-        R (next column). The vehicle does not move if a step leads into an obstacle or off the map.
+        R (next column). With eight neighbours, Q, E, Z and C are the diagonals UL, UR, DL and DR. With moving
+        obstacles, W waits. The vehicle does not move if a step leads into an obstacle or off the map.
     outcomes : tuple of Outcome
         End of each run.
 

@@ -150,6 +150,10 @@ def _draw_map(
         axis.set_major_locator(MaxNLocator("auto", integer=True, min_n_ticks=1))
     kit.label_axes(axes, "column (index)", "row (index, downward)")
     size = max(6.0, _marker(place, whole))
+    for track in () if main is None else main.walk.others:
+        axes.plot(
+            *track[:, ::-1].T, "-", lw=1.0, color=drawn.OTHER, alpha=0.6, zorder=3, gid="track"
+        )
     if main is not None:
         axes.set_title("the whole run", fontsize=8, pad=3, color=kit.DARK)
         drawn.draw_collisions(axes, main.walk.hits, size, clip_on=False)

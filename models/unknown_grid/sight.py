@@ -5,20 +5,58 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .scenes import Hover, Scenes
+from .camera import crop
+from .moving import obstacle_tracks
+from .scenes import Aspect, Hover, Scenes, aspects_of
+from .sensing import BLOCKED, FREE, TARGET, UNKNOWN, sense
 
-__all__ = ["first_seen", "uav_cells"]
+__all__ = ["first_seen", "readings", "uav_cells", "wrong_readings"]
 
+Cells = NDArray[np.int8]
 Ints = NDArray[np.int64]
+_HIDING = frozenset({Aspect.OCCLUSION, Aspect.MOVING})
+
+
+def readings(
+    model: Scenes, scene: int, positions: Ints, centres: Ints, first: int = 0
+) -> tuple[Cells, Cells]:
+    """Return the true cells and the readings of the views around `centres`, each of shape (n, rows, columns).
+
+    `positions` are the cells of the vehicle after `first`, `first` + 1, … actions.
+    """
+    corners = centres - model.view // 2
+    blocked = np.array([crop(model.blocked[scene], corner, model.view) for corner in corners])
+    true = np.where(blocked, BLOCKED, FREE).astype(np.int8)
+    places = model.targets[scene] - corners
+    inside = ((places >= 0) & (places < model.view)).all(axis=1)
+    true[inside, places[inside, 0], places[inside, 1]] = TARGET
+    taken = np.minimum(first + np.arange(len(positions)), model.steps)
+    scenes, tracks = np.full(len(positions), scene), obstacle_tracks(model)
+    return true, sense(model, tracks, scenes, taken, positions, corners, true)
+
+
+def wrong_readings(model: Scenes, scene: int, position: Ints, centre: Ints, step: int) -> Ints:
+    """Return rows and columns of the cells that are read wrongly after `step` actions, shape (n, 2)."""
+    if Aspect.NOISE not in aspects_of(model):
+        return np.empty((0, 2), np.int64)
+    true, read = readings(model, scene, position[None], centre[None], step)
+    for cell in obstacle_tracks(model)[scene, :, min(step, model.steps)] - centre + model.view // 2:
+        if ((cell >= 0) & (cell < model.view)).all():
+            true[0][tuple(cell)] = BLOCKED
+    wrong = (read[0] != true[0]) & (read[0] != UNKNOWN) & (true[0] != TARGET)
+    cells = np.argwhere(wrong) + centre - model.view // 2
+    return np.asarray(cells[(cells != position).any(axis=1)])
 
 
 def uav_cells(model: Scenes, scene: int, positions: Ints) -> Ints:
     """Return the cells below the UAV, which follows the vehicle or hovers, shape (n, 2).
 
-    `positions` are the cells of the vehicle before and after its actions. The maps of `model` are not
-    used.
+    `positions` are the cells of the vehicle before and after its actions. The maps of `model` are only used
+    if obstacles may hide the target.
     """
     near = (np.abs(model.targets[scene] - positions) <= model.view // 2).all(axis=1)
+    if aspects_of(model) & _HIDING and model.uav is Hover.PAPER:
+        near = (readings(model, scene, positions, positions)[1] == TARGET).any(axis=(1, 2))
     cells = positions.copy()
     if model.uav is Hover.PAPER and near.any():
         first = int(near.argmax())
@@ -38,6 +76,12 @@ def first_seen(model: Scenes, scene: int, positions: Ints) -> Ints:
     highs = np.minimum(middles + half + 1, model.shape).tolist()
     moves = np.diff(middles, axis=0)
     times = np.full(tuple(model.shape), len(positions), np.int64)
+    if model.occlusion:
+        seen = readings(model, scene, positions, middles)[1] != UNKNOWN
+        for k in range(len(positions))[::-1]:
+            cells = np.argwhere(seen[k]) + middles[k] - half
+            times[tuple(cells[((cells >= 0) & (cells < model.shape)).all(axis=1)].T)] = k
+        return times
     # Backwards, so that the earliest time remains. A move reveals only the edge in front.
     for k in np.flatnonzero(moves.any(axis=1))[::-1].tolist():
         edges = zip(moves[k].tolist(), lows[k + 1], highs[k + 1], strict=True)

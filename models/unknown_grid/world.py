@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..fields import show
 from .camera import PIXELS
-from .plan import ACTIONS, STEPS, NavigationRuns
-from .scenes import Hover, Scenes
+from .moving import meets, obstacle_tracks
+from .plan import LETTERS, MOVES, NavigationRuns
+from .scenes import Corners, Hover, Scenes, actions_of, aspects_of
+from .sensing import BLOCKED, FREE, TARGET, UNKNOWN, sense
 
 __all__ = [
     "BLOCKED",
@@ -29,15 +31,13 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Values of cells of a map or a view.
-UNKNOWN, FREE, BLOCKED, TARGET = -1, 0, 1, 2
 #: States of a run.
 GOING, REACHED, OUT_OF_STEPS = 0, 1, 2
 #: Number of columns before the view in an answer.
 _HEAD = 6
 #: Action that requests an observation without a step.
 LOOK = -1
-_MOVES = np.array(STEPS)
+_MOVES = np.array(MOVES)
 
 
 class Looks(NamedTuple):
@@ -106,7 +106,12 @@ class World:
         self._cells[:, 1:-1, 1:-1][~problem.blocked] = FREE
         self._cells[np.arange(count), *(problem.targets + 1).T] = TARGET
         self._columns = int(problem.view.prod()) if problem.camera is None else 3 * PIXELS**2
-        self._limits = (np.array([0, LOOK]), np.array([count, len(STEPS)]))
+        self._aspects = aspects_of(problem)
+        self._allowed = [LETTERS.index(letter) for letter in actions_of(problem)]
+        self._limits = (np.array([0, LOOK]), np.array([count, self._allowed[-1] + 1]))
+        self._tracks = obstacle_tracks(problem)
+        #: Number of blocked cells that a diagonal step may pass.
+        self._sides = list(Corners).index(problem.corners)
         self._half, self._last = problem.view // 2, problem.shape + 1
         self._offsets = [np.arange(side) - side // 2 + 1 for side in problem.view.tolist()]
         self._move_uav(np.arange(count))
@@ -136,7 +141,7 @@ class World:
         """Return the first difference between `plan` and the simulated actions, or an empty string."""
         runs = zip(plan.actions, self._actions, self.taken.tolist(), strict=True)
         for scene, (claim, actions, taken) in enumerate(runs):
-            if claim != "".join(ACTIONS[action] for action in actions[:taken].tolist()):
+            if claim != "".join(LETTERS[action] for action in actions[:taken].tolist()):
                 return f"the actions of scene {scene} are not those that the run took"
         return ""
 
@@ -149,11 +154,13 @@ class World:
         low, high = self._limits
         # Comparisons with NaN are false.
         valid = (questions >= low) & (questions < high) & (questions == np.floor(questions))
+        if len(self._allowed) < high[1]:
+            valid[:, 1] &= np.isin(questions[:, 1], [LOOK, *self._allowed])
         if not valid.all():
             row, column = np.argwhere(~valid)[0]
             what = (
                 f"scene must be 0 … {high[0] - 1}",
-                "an action must be 0 (up), 1 (down), 2 (left), 3 (right) or -1 (look)",
+                f"an action must be {_named(self._allowed)} or -1 (look)",
             )[column]
             value = show(questions[row, column].item())
             raise InvalidData(f"{what}, got {value}", field="actions")
@@ -173,19 +180,40 @@ class World:
         self._actions[scenes, taken] = actions
         self.taken[scenes] = taken + 1
         cells = self.positions[scenes] + _MOVES[actions]
-        hits = self._cells[scenes, cells[:, 0] + 1, cells[:, 1] + 1] == BLOCKED
+        hits = self._blocks(scenes, cells)
+        if self._aspects:
+            self._meet(scenes, cells, hits)
         self.collisions[scenes] += hits
         moved, cells = scenes[~hits], cells[~hits]
         self.positions[moved] = cells
-        self._move_uav(moved)
+        self._move_uav(scenes if self._aspects else moved)
         self.states[scenes[taken + 1 >= self.problem.steps]] = OUT_OF_STEPS
         self.states[moved[(cells == self.problem.targets[moved]).all(axis=1)]] = REACHED
+
+    def _blocks(self, scenes: Ints, cells: Ints) -> NDArray[np.bool_]:
+        """Return whether cells, possibly one outside the map, are blocked on the true maps."""
+        return np.asarray(self._cells[scenes, cells[:, 0] + 1, cells[:, 1] + 1] == BLOCKED)
+
+    def _meet(self, scenes: Ints, cells: Ints, hits: NDArray[np.bool_]) -> None:
+        """Mark steps that violate the rule of corners or meet moving obstacles, before the steps are executed."""
+        here = self.positions[scenes]
+        across = np.column_stack([here[:, 0], cells[:, 1]])
+        sides = self._blocks(scenes, across) + 0
+        sides += self._blocks(scenes, np.column_stack([cells[:, 0], here[:, 1]]))
+        hits |= (here != cells).all(axis=1) & (sides > self._sides)
+        times = self.taken[scenes]
+        before, after = self._tracks[scenes, :, times - 1], self._tracks[scenes, :, times]
+        hits |= meets(before, after, here, cells)
 
     def _move_uav(self, scenes: Ints) -> None:
         """Move the UAV above the vehicle, unless it hovers under the rule ``PAPER``."""
         scenes = scenes[~self._hovers[scenes]]
         self._centres[scenes] = self.positions[scenes]
         if self.problem.uav is Hover.PAPER:
+            if self._aspects:
+                views = self.cells(scenes, self._centres[scenes])
+                self._hovers[scenes] = (views == TARGET).any(axis=(1, 2))
+                return
             away = np.abs(self.problem.targets[scenes] - self.positions[scenes])
             self._hovers[scenes] = (away <= self._half).all(axis=1)
 
@@ -216,4 +244,25 @@ class World:
             for axis in (0, 1)
         )
         views = self._cells[scenes[:, None, None], rows[:, :, None], columns[:, None, :]]
-        return np.asarray(views)
+        if not self._aspects:
+            return np.asarray(views)
+        return sense(
+            self.problem, self._tracks, scenes, self.taken[scenes], self.positions[scenes],
+            centres - self._half, views,
+        )  # fmt: skip
+
+
+def _named(actions: list[int]) -> str:
+    """Return the allowed actions as text."""
+    names = (
+        "up",
+        "down",
+        "left",
+        "right",
+        "up left",
+        "up right",
+        "down left",
+        "down right",
+        "wait",
+    )
+    return ", ".join(f"{action} ({names[action]})" for action in actions)

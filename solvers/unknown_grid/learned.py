@@ -82,7 +82,7 @@ class _Learned(NavigationBackend):
         rows, columns = problem.shape.tolist()
         if rows * columns > LARGEST:
             return f"maps must have at most {LARGEST} cells, got {rows} × {columns}"
-        return ""
+        return super().refuses(problem)
 
     def policy(
         self, problem: UnknownGridNavigation, scenes: Ints, request: Request
@@ -138,7 +138,7 @@ class Macn(_Learned):
         side, (rows, columns) = macn.ARCHITECTURE["side"], problem.shape.tolist()
         if max(rows, columns) > side:
             return f"maps must have at most {side} × {side} cells, got {rows} × {columns}"
-        return ""
+        return super().refuses(problem)
 
     def network(self, options: Mapping[str, Any]) -> torch.nn.Module:
         network = super().network(options)

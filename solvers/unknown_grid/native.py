@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ...jit import clock
 from ...models.unknown_grid.model import UnknownGridNavigation
-from ...models.unknown_grid.plan import ACTIONS, NavigationRuns, Outcome
+from ...models.unknown_grid.plan import LETTERS, NavigationRuns, Outcome
+from ...models.unknown_grid.scenes import Aspect, aspects_of
 from ...models.unknown_grid.world import BLOCKED, FREE, GOING, LOOK, REACHED, TARGET, Looks
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
 from ..contract.option import Option
@@ -20,7 +21,7 @@ __all__ = ["GIVE_UP", "NO_WAY", "PERCEPTION", "NavigationBackend", "Policy"]
 
 Ints = NDArray[np.int64]
 
-#: Decisions of a policy in addition to the actions 0 … 3.
+#: Decisions of a policy in addition to the actions.
 NO_WAY, GIVE_UP = -1, -2
 _ENDS = {NO_WAY: Outcome.NO_WAY, GIVE_UP: Outcome.GAVE_UP}
 
@@ -45,7 +46,9 @@ class Policy(Protocol):
     """Policy of a batch of scenes, with its own memory of each scene."""
 
     def decide(self, looks: Looks) -> Ints:
-        """Return an action 0 … 3, :data:`NO_WAY` or :data:`GIVE_UP` for each active scene.
+        """Return an action, :data:`NO_WAY` or :data:`GIVE_UP` for each active scene.
+
+        The actions are 0 … 3, those of :data:`~crosstrack.models.unknown_grid.plan.MOVES` with further aspects.
 
         Parameters
         ----------
@@ -66,6 +69,12 @@ class NavigationBackend(Backend):
     options = PERCEPTION
     #: Number of scenes per batch of decisions.
     together: ClassVar[int] = 1
+    #: Aspects of models that the policy supports.
+    supports: ClassVar[frozenset[Aspect]] = frozenset()
+
+    def refuses(self, problem: UnknownGridNavigation) -> str:
+        """Return the aspects of the model that the policy does not support, or ``""``."""
+        return " and ".join(sorted(aspects_of(problem) - self.supports))
 
     @abstractmethod
     def policy(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> Policy:
@@ -73,6 +82,7 @@ class NavigationBackend(Backend):
 
     def run(self, problem: UnknownGridNavigation, request: Request) -> Answer:
         """Run the policy in all scenes and return the actions."""
+        self.require_support(problem)
         begin = clock()
         run = _Run(problem, request)
         for first in range(0, problem.scenes, self.together):
@@ -135,7 +145,7 @@ class _Run:
                 self._end(int(scenes[row]), _ENDS[int(chosen[row])], int(looks.collisions[row]))
             scenes, chosen = scenes[acts], chosen[acts]
             for scene, action in zip(scenes.tolist(), chosen.tolist(), strict=True):
-                self.actions[scene].append(ACTIONS[action])
+                self.actions[scene].append(LETTERS[action])
         if self.request.control.stopped:  # the last actions were not executed
             for scene in scenes.tolist():
                 del self.actions[scene][-1:]

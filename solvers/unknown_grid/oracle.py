@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ...jit import clock
 from ...models.grid_path import GridMap, path_between
+from ...models.unknown_grid.checks import has_way
 from ...models.unknown_grid.model import UnknownGridNavigation
 from ...models.unknown_grid.plan import ACTIONS, STEPS, NavigationRuns, Outcome
+from ...models.unknown_grid.scenes import Aspect, aspects_of
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
 
 __all__ = ["Oracle"]
+
+
+_MESSAGE = (
+    "the oracle knows the map, the target and the tracks of moving obstacles in advance: its cost is a lower bound "
+    "that policies with observations may be unable to attain"
+)
 
 
 class Oracle(Backend):
@@ -28,24 +38,19 @@ class Oracle(Backend):
     def run(self, problem: UnknownGridNavigation, request: Request) -> Answer:
         """Return the shortest paths. A scene without a path gets the outcome ``NO_WAY`` and no action."""
         begin = clock()
-        fewest = problem.fewest_steps()
+        aspects = aspects_of(problem)
+        general = aspects & {Aspect.EIGHT, Aspect.MOVING}
+        runs = problem.fewest_runs() if general else _straight_runs(problem)
         actions, outcomes, costs = [], [], []
-        for k, steps in enumerate(fewest.tolist()):
+        for k, run in enumerate(runs):
             if request.control.stopped:
                 return Answer(Termination.NO_SOLUTION, request.control.reason)
-            ways = {True: (Outcome.NO_WAY, 0.0), False: (Outcome.GAVE_UP, problem.steps + 1.0)}
-            outcome, cost = ways[steps == np.inf]
-            letters = ""
-            if steps <= problem.steps:
-                outcome, cost = Outcome.REACHED, steps
-                path = path_between(
-                    GridMap(problem.blocked[k]),
-                    problem.starts[k],
-                    problem.targets[k],
-                    diagonal=False,
-                )
-                moves = dict(zip(STEPS, ACTIONS, strict=True))
-                letters = "".join(moves[a, b] for a, b in np.diff(path, axis=0).tolist())
+            letters, outcome, cost = "", Outcome.GAVE_UP, problem.steps + 1.0
+            ends = tuple(problem.starts[k].tolist()), tuple(problem.targets[k].tolist())
+            if run is not None and len(run) <= problem.steps:
+                letters, outcome, cost = run, Outcome.REACHED, len(run)
+            elif run is None and not has_way(problem.blocked[k], *ends, problem.corners):
+                outcome, cost = Outcome.NO_WAY, 0.0
             actions.append(letters)
             outcomes.append(outcome)
             costs.append(cost)
@@ -55,4 +60,17 @@ class Oracle(Backend):
             Termination.OPTIMAL, None, plan, mean, mean,
             seconds={"solve": clock() - begin},
             statistics={"success %": plan.success},
+            message=_MESSAGE if aspects else "",
         )  # fmt: skip
+
+
+def _straight_runs(problem: UnknownGridNavigation) -> Iterator[str | None]:
+    """Yield shortest runs along four neighbours, None if no path exists."""
+    moves = dict(zip(STEPS, ACTIONS, strict=True))
+    for k, steps in enumerate(problem.fewest_steps().tolist()):
+        if steps == np.inf:
+            yield None
+            continue
+        ends = problem.starts[k], problem.targets[k]
+        path = path_between(GridMap(problem.blocked[k]), *ends, diagonal=False)
+        yield "".join(moves[a, b] for a, b in np.diff(path, axis=0).tolist())

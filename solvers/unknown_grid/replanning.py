@@ -11,16 +11,20 @@ obstacle costs at most one step.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...models.unknown_grid.model import UnknownGridNavigation
+from ...models.unknown_grid.scenes import Aspect, aspects_of
 from ...models.unknown_grid.world import BLOCKED, Looks
 from ..contract.backend import Request
+from ..contract.option import Option
 from .dstar_kernels import FAR, STUCK, descend, repair, search
 from .native import GIVE_UP, NO_WAY, NavigationBackend, Policy
+from .searching import Searching
 
 __all__ = ["AStarReplanning", "CurrentView", "DStarLite", "KnownMap", "Replanning"]
 
@@ -148,15 +152,29 @@ class _Repairing(Replanning):
         )  # fmt: skip
 
 
+_FORGET = Option(
+    None,
+    "steps after which a cell that was not seen again is forgotten; None for never",
+    int,
+    lower=0,
+)
+
+
 class AStarReplanning(NavigationBackend):
     """Optimistic replanning on the remembered map by A* from scratch at every step."""
 
     name = "a-star-replanning"
     summary = "optimistic replanning on all that was seen, A* from scratch"
     replanning: ClassVar[type[Replanning]] = Replanning
+    searching: ClassVar[type[Searching]] = Searching
+    supports = frozenset(Aspect)
+    options: ClassVar[Mapping[str, Option]] = {**NavigationBackend.options, "forget": _FORGET}
 
     def policy(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> Policy:
         """Return the policy of one scene."""
+        forget = request.options.get("forget")
+        if aspects_of(problem) or forget is not None:
+            return self.searching(problem, int(scenes[0]), request, forget)
         return self.replanning(problem, scenes, request)
 
 
@@ -177,3 +195,11 @@ class CurrentView(AStarReplanning):
     name = "current-view"
     summary = "optimistic replanning on the current view alone, A*"
     replanning = _Forgetting
+    supports = frozenset(Aspect) - {Aspect.SEARCH}
+    options = NavigationBackend.options
+
+    def policy(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> Policy:
+        """Return the policy of one scene."""
+        if aspects_of(problem):
+            return Searching(problem, int(scenes[0]), request, 0)
+        return super().policy(problem, scenes, request)

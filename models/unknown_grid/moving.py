@@ -1,0 +1,181 @@
+"""Moving obstacles, and runs with the fewest steps among them and along diagonals.
+
+The moving obstacles have the size of a cell and do not react to the vehicle or to one another. In every step
+they move together with the vehicle. The vehicle collides if it and an obstacle would be at the same point at
+the end or in the middle of the step: it enters the same cell, exchanges cells, or crosses the same corner. It
+then remains in its cell. An obstacle that enters the cell of a waiting vehicle causes a collision as well.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+from .plan import LETTERS, MOVES
+from .scenes import Corners, Scenes, actions_of
+
+__all__ = ["FAR", "descend", "fewest_run", "meets", "obstacle_tracks", "spread"]
+
+Bytes = NDArray[np.uint8]
+Cells = NDArray[np.int8]
+Ints = NDArray[np.int64]
+Truths = NDArray[np.bool_]
+
+#: Number of steps of a cell that was not reached.
+FAR = 2**30
+
+
+def obstacle_tracks(model: Scenes) -> Ints:
+    """Return the cells of the moving obstacles after 0 … `steps` steps, shape (k, moving, steps + 1, 2).
+
+    On a declared track of n cells an obstacle moves to and fro. Otherwise it begins in a random free cell other
+    than the start, and in every step it chooses one of the four directions or its own cell with equal
+    probabilities. It remains in its cell if the chosen cell is blocked or outside the map.
+    """
+    blocked, count, steps = model.blocked, len(model.starts), model.steps
+    if model.tracks is not None:
+        last = model.tracks.shape[2] - 1
+        turns = np.arange(steps + 1) % max(2 * last, 1)
+        return np.asarray(
+            model.tracks[:, :, np.minimum(turns, 2 * last - turns) if last else turns]
+        )
+    cells = np.zeros((count, model.moving, steps + 1, 2), np.int64)
+    if not model.moving:
+        return cells
+    draws = np.empty((count, model.moving, steps), np.int64)
+    for k in range(count):
+        stream = np.random.default_rng(np.random.SeedSequence(model.seed, spawn_key=(k,)))
+        free = np.argwhere(~blocked[k])
+        free = free[(free != model.starts[k]).any(axis=1)]
+        cells[k, :, 0] = free[stream.integers(0, len(free), model.moving)]
+        draws[k] = stream.integers(0, 5, (model.moving, steps))
+    moves, scenes = np.array([*MOVES[:4], MOVES[8]]), np.arange(count)[:, None]
+    walls = np.pad(blocked, ((0, 0), (1, 1), (1, 1)), constant_values=True)
+    for t in range(steps):
+        to = cells[:, :, t] + moves[draws[:, :, t]]
+        stays = walls[scenes, to[..., 0] + 1, to[..., 1] + 1]
+        cells[:, :, t + 1] = np.where(stays[..., None], cells[:, :, t], to)
+    return cells
+
+
+def meets(before: Ints, after: Ints, cells: Ints, to: Ints) -> Truths:
+    """Return whether steps of vehicles collide with moving obstacles, shape (n,).
+
+    `before` and `after` are the cells of the obstacles, shape (n, moving, 2), and `cells` and `to` those of the
+    vehicles, shape (n, 2), at the begin and at the end of the step.
+    """
+    same_end = (after == to[:, None]).all(axis=-1)
+    same_middle = (before + after == (cells + to)[:, None]).all(axis=-1)
+    return np.asarray((same_end | same_middle).any(axis=1))
+
+
+@kernel
+def is_open(walls: Bytes, width: int, cell: int, action: int, move: int, sides: int) -> bool:
+    """Return whether a step leads to a free cell, with at most `sides` blocked cells beside a diagonal."""
+    if walls[cell + move] != 0:
+        return False
+    down = -width if action < 6 else width
+    return bool(action < 4 or walls[cell + down] + walls[cell + move - down] <= sides)
+
+
+@kernel(interpretable=True)
+def spread(walls: Bytes, width: int, moves: Ints, sides: int, goals: Ints) -> Ints:
+    """Return the steps from all cells to the nearest of the cells `goals`, breadth first, or :data:`FAR`.
+
+    `walls` is a flat map with a frame of blocked cells, and `moves` are the changes of the cell number by each
+    action. `sides` is the number of blocked cells that a diagonal step may pass.
+    """
+    steps, queue = np.full(walls.size, FAR), np.empty(walls.size, np.int64)
+    count = 0
+    for cell in goals:
+        steps[cell], queue[count] = 0, cell
+        count += 1
+    at = 0
+    while at < count:
+        cell = queue[at]
+        at += 1
+        for action in range(len(moves)):
+            to = cell + moves[action]
+            if steps[to] == FAR and is_open(walls, width, cell, action, moves[action], sides):
+                steps[to], queue[count] = steps[cell] + 1, to
+                count += 1
+    return steps
+
+
+@kernel(interpretable=True)
+def descend(walls: Bytes, width: int, moves: Ints, sides: int, steps: Ints, cell: int) -> int:
+    """Return the action to the neighbour with the fewest steps, the first of several, or -1."""
+    best, chosen = FAR, -1
+    for action in range(len(moves)):
+        to = cell + moves[action]
+        if steps[to] < best and is_open(walls, width, cell, action, moves[action], sides):
+            best, chosen = steps[to], action
+    return chosen
+
+
+@kernel(interpretable=True)
+def spread_in_time(
+    walls: Bytes, width: int, moves: Ints, sides: int, tracks: Ints, start: int, target: int,
+    taken: Cells,
+) -> int:  # fmt: skip
+    """Return the fewest steps to the target past moving obstacles, or -1.
+
+    The last of `moves` waits. `tracks`, shape (n + 1, moving), has the cells of the obstacles, in a map of twice
+    the width. `taken`, shape (n, cells), is filled with the latest action to each cell after each step, of the
+    runs with the fewest collisions.
+    """
+    hits = np.full(walls.size, FAR)
+    hits[start] = 0
+    for t in range(len(taken)):
+        after = np.full(walls.size, FAR)
+        for cell in range(walls.size):
+            for action in range(len(moves) if hits[cell] < FAR else 0):
+                to = cell + moves[action]
+                waits = moves[action] == 0
+                collides = not waits and not is_open(
+                    walls, width, cell, action, moves[action], sides
+                )
+                here, there = cell + cell // width * width, to + to // width * width
+                for m in range(tracks.shape[1]):
+                    same_middle = tracks[t, m] + tracks[t + 1, m] == here + there
+                    collides = collides or same_middle or tracks[t + 1, m] == there
+                # A vehicle that collides remains in its cell, where it can also wait with at most one collision.
+                if (waits or not collides) and hits[cell] + collides < after[to]:
+                    after[to], taken[t, to] = hits[cell] + collides, action
+        hits = after
+        if hits[target] < FAR:
+            return t + 1
+    return -1
+
+
+def fewest_run(model: Scenes, scene: int, tracks: Ints) -> str | None:
+    """Return the actions of a run with the fewest steps, and the fewest collisions of these, or None.
+
+    With moving obstacles, the search covers all cells after each number of steps up to the limit on the steps.
+    `tracks` are those of the scene, shape (moving, steps + 1, 2).
+    """
+    walls = np.pad(model.blocked[scene], 1, constant_values=True).astype(np.uint8)
+    width, sides, flat = walls.shape[1], list(Corners).index(model.corners), walls.reshape(-1)
+    actions = [LETTERS.index(letter) for letter in actions_of(model)]
+    moves = np.array(MOVES)[actions] @ [width, 1]
+    cell, target = (int((end[scene] + 1) @ [width, 1]) for end in (model.starts, model.targets))
+    letters = []
+    if not model.moving:
+        steps = spread(flat, width, moves, sides, np.array([target]))
+        if steps[cell] == FAR:
+            return None
+        while cell != target:
+            letters.append(descend(flat, width, moves, sides, steps, cell))
+            cell += moves[letters[-1]]
+    else:
+        taken = np.empty((model.steps, flat.size), np.int8)
+        doubled = np.ascontiguousarray(((tracks + 1) @ [2 * width, 1]).T)
+        count = spread_in_time(flat, width, moves, sides, doubled, cell, target, taken)
+        if count < 0:
+            return None
+        for t in range(count)[::-1]:
+            letters.append(int(taken[t, target]))
+            target -= moves[letters[-1]]
+        letters.reverse()
+    return "".join(LETTERS[actions[action]] for action in letters)
