@@ -144,7 +144,7 @@ class UnknownGridNavigation(Model[NavigationRuns]):
     tracks : ndarray of int, shape (k, moving, n, 2), optional
         Cells of the moving obstacles, hidden from backends. Consecutive cells are equal or neighbours. After the
         last cell an obstacle returns along its track. None lets the obstacles walk at random.
-    seed : int, default 0
+    world_seed : int, default 0
         Seed of the readings and random walks, hidden from backends.
 
     Notes
@@ -190,7 +190,7 @@ class UnknownGridNavigation(Model[NavigationRuns]):
     tracks: Field[Numbers | None, Ints | None] = declared(
         Optional(Array(("k", "moving", "n", 2), int)), hidden=True, default=None, added=True
     )
-    seed: int = declared(Whole(0, 2**32 - 1), hidden=True, default=0, added=True)
+    world_seed: int = declared(Whole(0, 2**32 - 1), hidden=True, default=0, added=True)
 
     kind: ClassVar[str] = "unknown-grid"
     objective_unit: ClassVar[str] = "steps"

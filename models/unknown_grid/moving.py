@@ -45,7 +45,7 @@ def obstacle_tracks(model: Scenes) -> Ints:
         return cells
     draws = np.empty((count, model.moving, steps), np.int64)
     for k in range(count):
-        stream = np.random.default_rng(np.random.SeedSequence(model.seed, spawn_key=(k,)))
+        stream = np.random.default_rng(np.random.SeedSequence(model.world_seed, spawn_key=(k,)))
         free = np.argwhere(~blocked[k])
         free = free[(free != model.starts[k]).any(axis=1)]
         cells[k, :, 0] = free[stream.integers(0, len(free), model.moving)]

@@ -88,7 +88,7 @@ def sense(
         in_sight(views == BLOCKED, seen)
         views[inside & ~seen & ~own] = UNKNOWN
     if max(model.false_obstacles, model.missed_obstacles) > 0:
-        state = np.full((len(scenes), 1, 1), model.seed, np.uint64)
+        state = np.full((len(scenes), 1, 1), model.world_seed, np.uint64)
         numbers = (scenes[:, None, None], taken[:, None, None], rows[:, :, None], columns[:, None])
         for number in numbers:
             state = state * np.uint64(_STEP) + number.astype(np.uint64) + np.uint64(_STEP)

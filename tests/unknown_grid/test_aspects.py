@@ -35,7 +35,7 @@ def rules(draw, **fixed):
         "connectivity": connectivity,
         "corners": draw(st.sampled_from(["free", "one", "any"])) if connectivity == "8" else "free",
         "moving": draw(st.integers(0, 3)),
-        "seed": draw(st.integers(0, 99)),
+        "world_seed": draw(st.integers(0, 99)),
         **fixed,
     }
 
@@ -141,9 +141,8 @@ def test_rates_of_wrong_readings():
         view=(17, 17),
         false_obstacles=0.1,
         missed_obstacles=0.25,
-        seed=0,
+        world_seed=7,
     )
-    model = dataclasses.replace(model, seed=7)
     scenes = [(k, LOOK) for k in range(model.scenes)]
     exact = dataclasses.replace(model, false_obstacles=0.0, missed_obstacles=0.0, occlusion=False)
     counts = np.zeros((2, 2))
@@ -174,7 +173,7 @@ def test_rates_of_wrong_readings():
     for action, view in zip((LOOK, 0, 1, 2), readings, strict=True):
         assert (look(again, [(k, action) for k, _ in scenes]).view == view).all()
         assert (look(again, scenes).view == view).all()
-    other = look(World(dataclasses.replace(model, seed=8)), scenes).view
+    other = look(World(dataclasses.replace(model, world_seed=8)), scenes).view
     assert (other != readings[0]).any()
     still = dataclasses.replace(model, uav="follow")
     world = World(still)
@@ -197,13 +196,13 @@ def test_errors_of_neighbouring_cells_and_steps_are_independent():
 
 
 def test_moving_obstacles_walk_on_free_cells_and_tracks_turn_back():
-    model = drawn(["S.@..", ".@...", "....T"], view=(3, 3), moving=3, seed=5, steps=300)
+    model = drawn(["S.@..", ".@...", "....T"], view=(3, 3), moving=3, world_seed=5, steps=300)
     tracks = obstacle_tracks(model)[0]
     assert not model.blocked[0][tracks[..., 0], tracks[..., 1]].any()
     assert np.abs(np.diff(tracks, axis=1)).sum(axis=-1).max() == 1
     assert (tracks[:, 0] != model.starts[0]).any(axis=-1).all()
     assert (obstacle_tracks(model)[0] == tracks).all()
-    assert (obstacle_tracks(dataclasses.replace(model, seed=6))[0] != tracks).any()
+    assert (obstacle_tracks(dataclasses.replace(model, world_seed=6))[0] != tracks).any()
     fixed = drawn(
         OPEN,
         view=(3, 3),
@@ -293,9 +292,9 @@ def test_unknown_targets_are_found_and_missing_ones_reported(backend):
 
 
 def test_the_target_is_hidden_until_it_is_seen():
-    model = drawn(OPEN, view=(3, 3), target_known=False, moving=1, seed=3)
+    model = drawn(OPEN, view=(3, 3), target_known=False, moving=1, world_seed=3)
     view = model.blinded()
-    for name in ("targets", "seed", "tracks", "blocked"):
+    for name in ("targets", "world_seed", "tracks", "blocked"):
         with pytest.raises(HiddenData, match=f"{name} of model 'unknown-grid' is hidden"):
             getattr(view, name)
     assert view.describe() == model.describe() and view.digest == model.digest
@@ -345,7 +344,7 @@ def test_a_planner_without_memory_forgets():
         ({"moving": 1, "tracks": [[[[0, 0], [0, 1]]]]}, "must not be the start of the vehicle"),
         ({"moving": 1, "tracks": [[[0, 1]]]}, "tracks must"),
         ({"moving": 1, "tracks": [[[[0.5, 1]]]]}, r"tracks\[0, 0, 0, 0\] must be whole"),
-        ({"seed": -1}, "seed must be"),
+        ({"world_seed": -1}, "world_seed must be"),
         ({"camera": {}, "moving": 1}, "camera must be None with moving obstacles"),
         ({"occlusion": True, "view": (301, 3)}, "view must"),
     ],
@@ -396,7 +395,7 @@ def test_fields_at_their_defaults_keep_digest_and_data():
         "camera",
     ]
     full = {"connectivity": "8", "corners": "one", "occlusion": True, "false_obstacles": 0.1,
-            "missed_obstacles": 0.2, "target_known": False, "moving": 1, "tracks": [[[[4, 0], [3, 0]]]], "seed": 9}  # fmt: skip
+            "missed_obstacles": 0.2, "target_known": False, "moving": 1, "tracks": [[[[4, 0], [3, 0]]]], "world_seed": 9}  # fmt: skip
     digests = {model.digest}
     for count in range(1, 4):
         for names in itertools.combinations(full, count):
