@@ -71,9 +71,10 @@ class Looks(NamedTuple):
     def read(cls, problem: Scenes, scenes: Ints, answers: Floats) -> Looks:
         """Return the observations in the answers of a :class:`World`."""
         head = answers[:, :_HEAD].astype(np.int64)
+        positions, corners = head[:, :2].copy(), head[:, 2:4].copy()
         size = tuple(problem.view.tolist()) if problem.camera is None else (PIXELS, PIXELS, 3)
         view = answers[:, _HEAD:].reshape(len(answers), *size)
-        return cls(scenes, head[:, :2], head[:, 2:4], head[:, 4], head[:, 5], view)
+        return cls(scenes, positions, corners, head[:, 4], head[:, 5], view)
 
 
 class World:

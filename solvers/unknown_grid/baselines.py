@@ -13,25 +13,26 @@ the last stage of Table III. Its option ``literal`` runs Table IV as printed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
+from ...jit import kernel
 from ...models.unknown_grid.model import UnknownGridNavigation
-from ...models.unknown_grid.world import BLOCKED, TARGET, Looks
+from ...models.unknown_grid.world import BLOCKED, Looks
 from ..contract.backend import Request
 from ..contract.option import Option
-from .dstar_kernels import STUCK, descend, search
-from .native import GIVE_UP, NavigationBackend, Policy
+from .dstar_kernels import FAR, STUCK, descend, search
+from .native import GIVE_UP, MOST_TOGETHER, NavigationBackend, Policy
 
 __all__ = ["BaselineOne", "BaselineOneReachable", "BaselineTwo", "BaselineTwoReachable"]
 
+Bytes = NDArray[np.int8]
 Ints = NDArray[np.int64]
+Truths = NDArray[np.bool_]
 
 
 class _Nearest:
-    """Baseline policy in one scene.
+    """Baseline policy in several scenes.
 
     If `patient`, it executes the whole sequence of actions before the next decision. If `reachable`, it
     chooses only among cells that are reachable within the view. If `literal`, it plans from the latest
@@ -41,59 +42,96 @@ class _Nearest:
     def __init__(
         self,
         problem: UnknownGridNavigation,
-        scene: int,
+        scenes: Ints,
         request: Request,
         patient: bool,
         reachable: bool,
         literal: bool,
     ) -> None:
-        from scipy.ndimage import label  # here, to keep the import out of timed decisions
-
-        self._label = label
-        self._target, self._flag = problem.targets[scene], request.control.flag
-        self._patient, self._reachable, self._literal = patient, reachable, literal
-        self._current: Ints | None = None
-        self._sequence: Iterator[int] = iter(())
+        self._first, self._flag = int(scenes[0]), request.control.flag
+        self._targets = problem.targets[scenes]
+        self._rules = (patient, reachable, literal)
+        #: Latest chosen cells, sequences of actions, and their numbers of executed and of all actions.
+        self._chosen = problem.starts[scenes]
+        self._sequences = np.empty((len(scenes), int(problem.view.prod())), np.int8)
+        self._done = np.zeros((len(scenes), 2), np.int64)
 
     def decide(self, looks: Looks) -> Ints:
-        """Return the next action of the sequence, or of a new sequence if it is exhausted."""
-        action = next(self._sequence, GIVE_UP)
-        if action == GIVE_UP:
-            sequence = self._choose(looks)
-            action = next(sequence, GIVE_UP)
-            if self._patient:
-                self._sequence = sequence
-        return np.array([action])
+        """Return the next actions of the sequences, or of new sequences if they are exhausted."""
+        actions = np.empty(len(looks.scenes), np.int64)
+        approach(
+            looks.scenes - self._first, looks.positions, looks.corners, looks.view == BLOCKED,
+            self._targets, *self._rules, self._chosen, self._sequences, self._done, actions, self._flag,
+        )  # fmt: skip
+        return actions
 
-    def _choose(self, looks: Looks) -> Iterator[int]:
-        """Yield the actions to the chosen cell; the sequence ends early if the cell is unreachable."""
-        corner = looks.corners[0]
-        walls = np.pad(looks.view[0] == BLOCKED, 1, constant_values=True)
-        start = looks.positions[0] if self._current is None else self._current
-        row, column = start - corner + 1
-        if self._literal and (looks.view == TARGET).any():
-            return
-        if not (0 < row < walls.shape[0] - 1 and 0 < column < walls.shape[1] - 1):
-            return  # the vehicle has left the view of a hovering UAV
-        allowed = ~walls
-        if self._reachable:
-            parts, _ = self._label(allowed)
-            allowed = parts == parts[row, column]
-        cells = np.argwhere(allowed)
-        away = ((cells - 1 + corner - self._target) ** 2).sum(axis=1)
-        chosen = cells[away.argmin()]
-        if self._literal:
-            self._current = chosen - 1 + corner
-        width = walls.shape[1]
-        flat = walls.astype(np.uint8).reshape(-1)
-        cell, goal = int(row * width + column), int(chosen[0] * width + chosen[1])
-        steps = search(flat, width, cell, goal, True, self._flag)
-        while cell != goal:
-            action = descend(flat, width, steps, cell)
-            if action == STUCK:
-                return
-            yield int(action)
-            cell += (-width, width, -1, 1)[action]
+
+@kernel(interpretable=True, in_place=True)
+def approach(
+    rows: Ints, positions: Ints, corners: Ints, obstacles: Truths, targets: Ints,
+    patient: bool, reachable: bool, literal: bool,
+    chosen: Ints, sequences: Bytes, done: Ints, actions: Ints, flag: NDArray[np.int8],
+) -> None:  # fmt: skip
+    """Compute the `actions` of several scenes; `rows` are their indices in the arrays of :class:`_Nearest`."""
+    for index in range(len(rows)):
+        row = rows[index]
+        if not literal:
+            chosen[row, 0], chosen[row, 1] = positions[index, 0], positions[index, 1]
+        if done[row, 0] == done[row, 1]:
+            done[row, 0] = 0
+            done[row, 1] = choose(
+                obstacles[index], corners[index], targets[row], reachable, literal, chosen[row],
+                sequences[row], flag,
+            )  # fmt: skip
+        if done[row, 0] == done[row, 1]:
+            actions[index] = GIVE_UP
+            continue
+        actions[index] = sequences[row, done[row, 0]]
+        done[row, 0] = done[row, 0] + 1 if patient else done[row, 1]
+
+
+@kernel
+def choose(
+    obstacles: Truths, corner: Ints, target: Ints, reachable: bool, literal: bool, cell: Ints,
+    sequence: Bytes, flag: NDArray[np.int8],
+) -> int:  # fmt: skip
+    """Replace `cell`, where the path begins, by the chosen cell; return the length of the `sequence` to it.
+
+    The sequence ends early if the chosen cell is unreachable.
+    """
+    rows, columns = obstacles.shape
+    width = columns + 2
+    aim_row, aim_column = target[0] - corner[0], target[1] - corner[1]
+    if literal and 0 <= aim_row < rows and 0 <= aim_column < columns:
+        return 0
+    row, column = cell[0] - corner[0], cell[1] - corner[1]
+    if not (0 <= row < rows and 0 <= column < columns):
+        return 0  # the vehicle has left the view of a hovering UAV
+    walls = np.ones((rows + 2) * width, np.uint8)
+    for i in range(rows):
+        for j in range(columns):
+            walls[(i + 1) * width + j + 1] = 1 if obstacles[i, j] else 0
+    at = (row + 1) * width + column + 1
+    # No path leads to the first cell, which is in the frame: the search visits all reachable cells.
+    steps = search(walls, width, 0, at, True, flag) if reachable else np.zeros(walls.size, np.int32)
+    goal, least = at, -1
+    for i in range(rows):
+        for j in range(columns):
+            near = (i + 1) * width + j + 1
+            away = (i - aim_row) ** 2 + (j - aim_column) ** 2
+            if walls[near] == 0 and steps[near] < FAR and (least < 0 or away < least):
+                goal, least = near, away
+    cell[0], cell[1] = goal // width - 1 + corner[0], goal % width - 1 + corner[1]
+    steps = search(walls, width, at, goal, True, flag)
+    count = 0
+    while at != goal:
+        action = descend(walls, width, steps, at)
+        if action == STUCK:
+            break
+        sequence[count] = action
+        count += 1
+        at += (-width, width, -1, 1)[action]
+    return count
 
 
 class BaselineOne(NavigationBackend):
@@ -101,12 +139,13 @@ class BaselineOne(NavigationBackend):
 
     name = "baseline-1"
     summary = "whole sequences to the visible free cell nearest the target"
+    together = MOST_TOGETHER
     patient, reachable = True, False
 
     def policy(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> Policy:
-        """Return the policy of one scene."""
+        """Return the policy of several scenes."""
         literal = bool(request.options.get("literal", False))
-        return _Nearest(problem, int(scenes[0]), request, self.patient, self.reachable, literal)
+        return _Nearest(problem, scenes, request, self.patient, self.reachable, literal)
 
 
 class BaselineOneReachable(BaselineOne):

@@ -17,13 +17,16 @@ from ...models.unknown_grid.world import BLOCKED, FREE, GOING, LOOK, REACHED, TA
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
 from ..contract.option import Option
 
-__all__ = ["GIVE_UP", "NO_WAY", "PERCEPTION", "NavigationBackend", "Policy"]
+__all__ = ["GIVE_UP", "MOST_TOGETHER", "NO_WAY", "PERCEPTION", "NavigationBackend", "Policy"]
 
 Ints = NDArray[np.int64]
 
 #: Decisions of a policy in addition to the actions.
 NO_WAY, GIVE_UP = -1, -2
 _ENDS = {NO_WAY: Outcome.NO_WAY, GIVE_UP: Outcome.GAVE_UP}
+
+#: Largest number of scenes per batch, and of cells of their maps. A cell takes up to 32 bytes.
+MOST_TOGETHER, _MOST_CELLS = 2**20, 2**22
 
 #: Options of all policies for models with a camera.
 PERCEPTION: Mapping[str, Option] = {
@@ -66,8 +69,9 @@ class NavigationBackend(Backend):
     features = frozenset({Feature.INTERRUPT})
     deterministic = True
     single_threaded = True
+    shares_process = True
     options = PERCEPTION
-    #: Number of scenes per batch of decisions.
+    #: Largest number of scenes per batch of decisions; on large maps batches are smaller.
     together: ClassVar[int] = 1
     #: Aspects of models that the policy supports.
     supports: ClassVar[frozenset[Aspect]] = frozenset()
@@ -85,8 +89,9 @@ class NavigationBackend(Backend):
         self.require_support(problem)
         begin = clock()
         run = _Run(problem, request)
-        for first in range(0, problem.scenes, self.together):
-            scenes = np.arange(first, min(first + self.together, problem.scenes))
+        together = min(self.together, max(_MOST_CELLS // int(problem.shape.prod()), 1))
+        for first in range(0, problem.scenes, together):
+            scenes = np.arange(first, min(first + together, problem.scenes))
             run.lead(self.policy(problem, scenes, request), scenes)
             if request.control.stopped:
                 break
@@ -129,21 +134,25 @@ class _Run:
         while len(scenes) and not self.request.control.stopped:
             looks = self._look(scenes, chosen)
             going = looks.states == GOING
-            for row in np.flatnonzero(~going).tolist():
-                ended = Outcome.REACHED if looks.states[row] == REACHED else Outcome.OUT_OF_STEPS
-                self._end(int(scenes[row]), ended, int(looks.collisions[row]))
-            scenes, looks = scenes[going], _part(looks, going)
-            if not len(scenes):
-                return
+            if not going.all():
+                for row in np.flatnonzero(~going).tolist():
+                    reached = looks.states[row] == REACHED
+                    ended = Outcome.REACHED if reached else Outcome.OUT_OF_STEPS
+                    self._end(int(scenes[row]), ended, int(looks.collisions[row]))
+                scenes, looks = scenes[going], _part(looks, going)
+                if not len(scenes):
+                    return
             looks = self._perceived(looks)
             begin = clock()
             chosen = np.asarray(policy.decide(looks), np.int64)
             self.thinking += clock() - begin
             self.decisions += len(scenes)
             acts = chosen >= 0
-            for row in np.flatnonzero(~acts).tolist():
-                self._end(int(scenes[row]), _ENDS[int(chosen[row])], int(looks.collisions[row]))
-            scenes, chosen = scenes[acts], chosen[acts]
+            if not acts.all():
+                for row in np.flatnonzero(~acts).tolist():
+                    ended = _ENDS[int(chosen[row])]
+                    self._end(int(scenes[row]), ended, int(looks.collisions[row]))
+                scenes, chosen = scenes[acts], chosen[acts]
             for scene, action in zip(scenes.tolist(), chosen.tolist(), strict=True):
                 self.actions[scene].append(LETTERS[action])
         if self.request.control.stopped:  # the last actions were not executed
@@ -151,7 +160,8 @@ class _Run:
                 del self.actions[scene][-1:]
 
     def _look(self, scenes: Ints, chosen: Ints) -> Looks:
-        questions = np.column_stack([scenes, chosen]).astype(float)
+        questions = np.empty((len(scenes), 2))
+        questions[:, 0], questions[:, 1] = scenes, chosen
         return Looks.read(self.problem, scenes, self.request.control.ask(questions))
 
     def _end(self, scene: int, outcome: Outcome, collisions: int) -> None:

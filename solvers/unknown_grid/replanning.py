@@ -22,133 +22,93 @@ from ...models.unknown_grid.scenes import Aspect, aspects_of
 from ...models.unknown_grid.world import BLOCKED, Looks
 from ..contract.backend import Request
 from ..contract.option import Option
-from .dstar_kernels import FAR, STUCK, descend, repair, search
-from .native import GIVE_UP, NO_WAY, NavigationBackend, Policy
-from .searching import Searching
+from .dstar_kernels import FAR, plan, replan
+from .native import GIVE_UP, MOST_TOGETHER, NavigationBackend, Policy
+from .searching import Searching, SearchingEach
 
-__all__ = ["AStarReplanning", "CurrentView", "DStarLite", "KnownMap", "Replanning"]
+__all__ = ["AStarReplanning", "CurrentView", "DStarLite", "Replanning"]
 
-Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
-Flag = NDArray[np.int8]
-
-
-class KnownMap:
-    """Known map of a scene as a flat array with a frame of blocked cells.
-
-    `walls` is 1 for known obstacles and the frame, and `width` the number of cells per row, including
-    the frame. `cell` and `target` are the cells of vehicle and target, and `moves` the change of the
-    cell number by each action.
-    """
-
-    def __init__(self, problem: UnknownGridNavigation, scene: int) -> None:
-        rows, columns = problem.shape.tolist()
-        self.width: int = columns + 2
-        self._walls = np.pad(np.zeros((rows, columns), np.uint8), 1, constant_values=1)
-        self._sure = self._walls == 1  # no view can change these
-        self.walls: Bytes = self._walls.reshape(-1)
-        self.moves = (-self.width, self.width, -1, 1)
-        self.cell = self._number(problem.starts[scene])
-        self.target = self._number(problem.targets[scene])
-        self._sure.flat[[self.cell, self.target]] = True
-
-    def _number(self, cell: Ints) -> int:
-        return (int(cell[0]) + 1) * self.width + int(cell[1]) + 1
-
-    def notice(self, looks: Looks, expected: int) -> Ints:
-        """Update the map with an observation and a possible collision; return the cells whose state changed.
-
-        `expected` is the cell of the vehicle if its last step caused no collision.
-        """
-        self.cell = self._number(looks.positions[0])
-        visited = np.array([expected, self.cell])
-        before = self.walls[visited]
-        # The order matters: without a collision, both are the same cell, which is free.
-        self.walls[expected], self.walls[self.cell] = 1, 0
-        self._sure.flat[visited] = True
-        changed = visited[before != self.walls[visited]]
-
-        corner = looks.corners[0] + 1
-        low = np.maximum(corner, 0)
-        high = np.minimum(corner + looks.view.shape[1:], self._walls.shape)
-        inside = slice(low[0], high[0]), slice(low[1], high[1])
-        (top, left), (bottom, right) = low - corner, high - corner
-        window = looks.view[0, top:bottom, left:right] == BLOCKED
-        differ = np.argwhere((window != self._walls[inside]) & ~self._sure[inside]) + low
-        cells = differ @ [self.width, 1]
-        self.walls[cells] ^= 1
-        return np.concatenate([changed, cells])
-
-    def doubt(self) -> Ints:
-        """Free all obstacles known only from images, and return their cells."""
-        cells = np.flatnonzero((self.walls == 1) & ~self._sure.reshape(-1))
-        self.walls[cells] = 0
-        return cells
 
 
 class Replanning:
-    """A* on the known map before every step, in one scene. The control of `request` may stop the search."""
+    """A* on the known maps of several scenes before every step. The control of `request` may stop the search.
+
+    A map is a flat row of `walls` with a frame of blocked cells and `width` cells per row of the map: 1 for
+    known obstacles and the frame. The `ends` are the cells of start and target.
+    """
 
     def __init__(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> None:
-        self._problem, self._scene = problem, int(scenes[0])
-        self._flag = request.control.flag
-        self.known = KnownMap(problem, self._scene)
-        self._expected = self.known.cell
+        self._first, self._flag = int(scenes[0]), request.control.flag
+        self._doubts = problem.camera is not None
+        self.width = int(problem.shape[1]) + 2
+        ends = np.stack([problem.starts[scenes], problem.targets[scenes]], axis=1)
+        self.ends: Ints = self.cells(ends)
+        self._frame = np.pad(np.zeros(problem.shape, np.uint8), 1, constant_values=1).reshape(-1)
+        self.walls = np.empty((len(scenes), self._frame.size), np.uint8)
+        self._sure = np.empty_like(self.walls)  # cells that no view can change
+        self.forget(np.arange(len(scenes)))
+        #: Cells of the vehicles if their last steps caused no collision.
+        self._expected = self.ends[:, 0].copy()
+        self._changed = np.empty(self._frame.size + 3, np.int64)
+
+    def cells(self, places: Ints) -> Ints:
+        """Return the numbers of cells given by row and column, shape (…, 2)."""
+        return np.asarray((places[..., 0] + 1) * self.width + places[..., 1] + 1)
+
+    def forget(self, rows: Ints) -> None:
+        """Reset the maps of the scenes `rows` to their frames."""
+        self.walls[rows] = self._sure[rows] = self._frame
+        self._sure[rows[:, None], self.ends[rows]] = 1
 
     def decide(self, looks: Looks) -> Ints:
-        """Replan and return the first action."""
-        changed = self.known.notice(looks, self._expected)
-        action = self._plan(changed)
-        if action == STUCK and self._problem.camera is not None:
-            action = self._plan(self.known.doubt())
+        """Replan in all scenes and return the first actions."""
+        actions = np.empty(len(looks.scenes), np.int64)
+        self._plan(
+            looks.scenes - self._first, self.cells(looks.positions), looks.corners, looks.view == BLOCKED,
+            actions,
+        )  # fmt: skip
         if self._flag[0]:
-            return np.array([GIVE_UP])
-        if action == STUCK:
-            return np.array([NO_WAY])
-        self._expected = self.known.cell + self.known.moves[action]
-        return np.array([action])
+            actions[:] = GIVE_UP
+        return actions  # STUCK equals NO_WAY
 
-    def _plan(self, changed: Ints) -> int:
-        """Return the first action of a shortest path, or STUCK."""
-        known = self.known
-        steps = search(known.walls, known.width, known.cell, known.target, False, self._flag)
-        return int(descend(known.walls, known.width, steps, known.cell))
+    def _plan(
+        self, rows: Ints, cells: Ints, corners: Ints, obstacles: NDArray[np.bool_], actions: Ints
+    ) -> None:
+        plan(
+            rows, cells, corners, obstacles, self.width, self.ends, self._doubts,
+            self.walls, self._sure, self._expected, self._changed, actions, self._flag,
+        )  # fmt: skip
 
 
 class _Forgetting(Replanning):
-    """A* on the current view only."""
+    """A* on the current views only."""
 
     def decide(self, looks: Looks) -> Ints:
-        """Reset the map, plan and return the first action."""
-        self.known = KnownMap(self._problem, self._scene)
+        """Reset the maps, plan and return the first actions."""
+        self.forget(looks.scenes - self._first)
         return super().decide(looks)
 
 
 class _Repairing(Replanning):
-    """D* Lite on the known map, which repairs the previous search after changes."""
+    """D* Lite on the known maps, which repairs the previous search after changes."""
 
     def __init__(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> None:
         super().__init__(problem, scenes, request)
-        size = self.known.walls.size
-        self._g, self._rhs = np.full(size, FAR, np.int32), np.full(size, FAR, np.int32)
-        self._heap, self._keys = np.empty(size, np.int64), np.empty(size, np.int64)
-        self._where = np.zeros(size, np.int32)
-        self._tally = np.array([0, 0, self.known.cell])
-        self._new = [self.known.target]
-        # A call without changes compiles or loads the kernel before the first decision.
-        self._repair(np.empty(0, np.int64))
+        shape = self.walls.shape
+        self._g, self._rhs = np.full(shape, FAR, np.int32), np.full(shape, FAR, np.int32)
+        self._heap, self._keys = np.empty(shape, np.int64), np.empty(shape, np.int64)
+        self._where = np.zeros(shape, np.int32)
+        self._tally = np.zeros((len(scenes), 3), np.int64)
+        self._tally[:, 2] = self._expected
 
-    def _plan(self, changed: Ints) -> int:
-        known = self.known
-        self._repair(np.append(changed, self._new).astype(np.int64))
-        self._new = []
-        return int(descend(known.walls, known.width, self._g, known.cell))
-
-    def _repair(self, changed: Ints) -> None:
-        known = self.known
-        repair(
-            known.walls, known.width, known.cell, known.target, changed,
-            self._g, self._rhs, self._heap, self._where, self._keys, self._tally, self._flag,
+    def _plan(
+        self, rows: Ints, cells: Ints, corners: Ints, obstacles: NDArray[np.bool_], actions: Ints
+    ) -> None:
+        replan(
+            rows, cells, corners, obstacles, self.width, self.ends, self._doubts,
+            self.walls, self._sure, self._expected, self._changed, actions, self._flag,
+            self._g, self._rhs, self._heap, self._where, self._keys, self._tally,
         )  # fmt: skip
 
 
@@ -165,16 +125,19 @@ class AStarReplanning(NavigationBackend):
 
     name = "a-star-replanning"
     summary = "optimistic replanning on all that was seen, A* from scratch"
+    together = MOST_TOGETHER
     replanning: ClassVar[type[Replanning]] = Replanning
     searching: ClassVar[type[Searching]] = Searching
+    #: Default of the option ``forget``.
+    forget: ClassVar[int | None] = None
     supports = frozenset(Aspect)
     options: ClassVar[Mapping[str, Option]] = {**NavigationBackend.options, "forget": _FORGET}
 
     def policy(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> Policy:
-        """Return the policy of one scene."""
-        forget = request.options.get("forget")
-        if aspects_of(problem) or forget is not None:
-            return self.searching(problem, int(scenes[0]), request, forget)
+        """Return the policy of several scenes."""
+        forget = request.options.get("forget", self.forget)
+        if aspects_of(problem) or forget is not None and self.forget is None:
+            return SearchingEach(problem, scenes, request, forget, self.searching)
         return self.replanning(problem, scenes, request)
 
 
@@ -197,9 +160,4 @@ class CurrentView(AStarReplanning):
     replanning = _Forgetting
     supports = frozenset(Aspect) - {Aspect.SEARCH}
     options = NavigationBackend.options
-
-    def policy(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> Policy:
-        """Return the policy of one scene."""
-        if aspects_of(problem):
-            return Searching(problem, int(scenes[0]), request, 0)
-        return super().policy(problem, scenes, request)
+    forget = 0

@@ -23,7 +23,7 @@ from ...models.unknown_grid.world import BLOCKED, TARGET, UNKNOWN, Looks
 from ..contract.backend import Request
 from .native import GIVE_UP, NO_WAY
 
-__all__ = ["Searching"]
+__all__ = ["Searching", "SearchingEach"]
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -71,7 +71,7 @@ class Searching:
     def _number(self, cell: Ints) -> int:
         return int((cell[0] + 1) * self._width + cell[1] + 1)
 
-    def decide(self, looks: Looks) -> Ints:
+    def decide(self, looks: Looks) -> int:
         """Update the evidence, plan and return the first action."""
         self._cell = self._number(looks.positions[0])
         straight = self._note_step()
@@ -89,11 +89,11 @@ class Searching:
                 self._note_view(looks)
             action = self._plan(moves)
         if self._flag[0]:
-            return np.array([GIVE_UP])
+            return GIVE_UP
         if action == NO_WAY and self._moving:
             action = WAIT
         self._action, self._expected = action, self._cell + int(self._moves[action])
-        return np.array([action])
+        return action
 
     def _note_step(self) -> bool:
         """Store the result of the latest step; return whether the next one must not be diagonal."""
@@ -136,3 +136,18 @@ class Searching:
     def _steps(self, walls: Bytes, goals: Ints, moves: Ints) -> Ints:
         """Return the steps to the nearest goal from all cells."""
         return np.asarray(spread(walls, self._width, moves, self._sides, goals))
+
+
+class SearchingEach:
+    """Policies of several scenes, one of the class `kind` per scene; see :class:`Searching`."""
+
+    def __init__(
+        self, problem: UnknownGridNavigation, scenes: Ints, request: Request, forget: int | None,
+        kind: type[Searching],
+    ) -> None:  # fmt: skip
+        self._policies = {scene: kind(problem, scene, request, forget) for scene in scenes.tolist()}
+
+    def decide(self, looks: Looks) -> Ints:
+        """Return the first actions of all scenes."""
+        rows = (Looks._make(array[[row]] for array in looks) for row in range(len(looks.scenes)))
+        return np.array([self._policies[int(row.scenes[0])].decide(row) for row in rows])

@@ -25,7 +25,7 @@ from crosstrack.models.unknown_grid.plan import ACTIONS, STEPS
 from crosstrack.models.unknown_grid.world import BLOCKED, FREE, GOING, LOOK, REACHED, Looks
 from crosstrack.solvers.contract.backend import Backend, Limit, Request
 from crosstrack.solvers.contract.control import Control
-from crosstrack.solvers.unknown_grid import dstar_kernels, replanning
+from crosstrack.solvers.unknown_grid import baselines, dstar_kernels, replanning
 from crosstrack.solvers.unknown_grid.baselines import (
     BaselineOne,
     BaselineOneReachable,
@@ -315,6 +315,30 @@ def test_cells_that_are_seen_otherwise_later(backend: type[NavigationBackend]) -
     assert decide(backend(), model, looks[1], down, down._replace(view=open_[None])) == [1, 1, 0]
 
 
+@pytest.mark.parametrize("backend", EVERY)
+def test_a_batch_takes_the_steps_of_single_scenes(backend: type[NavigationBackend]) -> None:
+    class Single(backend):  # type: ignore[misc, valid-type]
+        together = 1
+
+    fields: dict[str, Any] = {"obstacles": (2, 6), "scenes": 25, "view": (5, 5), "clear": 0}
+    for model in (
+        draw_scenes("mixed", seed=5, **fields),
+        draw_scenes("u-traps", seed=6, shape=(9, 13), steps=60, uav="follow", **fields),
+    ):
+        assert lead(backend(), model) == lead(Single(), model)
+    request = Request(options=backend().checked_options({}), control=Control(oracle=World(model)))
+    batches: list[int] = []
+    make = backend.policy
+
+    class Counted(backend):  # type: ignore[misc, valid-type]
+        def policy(self, problem: UnknownGridNavigation, scenes: Any, request: Request) -> Any:
+            batches.append(len(scenes))
+            return make(self, problem, scenes, request)
+
+    Counted().run(model.blinded(), request)
+    assert batches == [25]
+
+
 def test_a_stopped_search_claims_nothing() -> None:
     model = drawn(["S@T"], view=(1, 1))
     for backend in EVERY:
@@ -330,9 +354,9 @@ def test_a_stopped_search_claims_nothing() -> None:
 
 def test_interpreted_kernels_are_the_compiled_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     names = ("maze", "thin-clutter", "clutter-no-way")
-    plans = [[lead(one(), WILD[name]()) for one in PLANNERS] for name in names]
-    for module in (dstar_kernels, replanning):
+    plans = [[lead(one(), WILD[name]()) for one in EVERY] for name in names]
+    for module in (dstar_kernels, replanning, baselines):
         for name, loop in list(vars(module).items()):
             if isinstance(loop, Kernel):
                 monkeypatch.setattr(module, name, loop.py_func)
-    assert [[lead(one(), WILD[name]()) for one in PLANNERS] for name in names] == plans
+    assert [[lead(one(), WILD[name]()) for one in EVERY] for name in names] == plans
