@@ -125,6 +125,7 @@ class AttractorBackend(Backend):
     features = frozenset({Feature.INTERRUPT})
     deterministic = True
     single_threaded = True
+    shares_process = True
     options = EMBEDDING
 
     @abstractmethod

@@ -259,6 +259,10 @@ class Backend(ABC):
     sees_hidden : bool
         Whether it receives the hidden data of a model. Such a backend is a reference for the others,
         and ``"auto"`` never selects it.
+    shares_process : bool
+        Whether its code reads hidden data only with :meth:`Control.ask`, so that its runs need no process
+        without the data. It has an effect for classes of crosstrack only, see
+        :func:`~crosstrack.solvers.contract.registry.shares_process`.
     is_automatic : bool
         Whether ``"auto"`` may select it although other backends accept the model.
     conflict_group : str
@@ -288,6 +292,7 @@ class Backend(ABC):
     integral_kinds: ClassVar[tuple[str, ...]] = ()
     integral_only: ClassVar[tuple[str, ...]] = ()
     sees_hidden: ClassVar[bool] = False
+    shares_process: ClassVar[bool] = False
     is_automatic: ClassVar[bool] = True
     conflict_group: ClassVar[str] = ""
     natives: ClassVar[tuple[str, ...]] = ()

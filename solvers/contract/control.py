@@ -246,7 +246,7 @@ class Control:
             The question is rejected, for example because a budget is used up.
         """
         whole = self
-        while whole._whole is not None:
+        while whole.oracle is None and whole._whole is not None:
             whole = whole._whole
         if whole.oracle is None:
             raise HiddenData("the model answers no questions during a run")

@@ -35,6 +35,7 @@ __all__ = [
     "is_plain",
     "rivals",
     "session",
+    "shares_process",
 ]
 
 if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
@@ -219,6 +220,20 @@ def is_plain(backend: Backend) -> bool:
 def is_ours(backend: Backend) -> bool:
     """Return True if `backend` belongs to crosstrack. Others may change the models they receive."""
     return type(backend).__module__.partition(".")[0] == __name__.partition(".")[0]
+
+
+def shares_process(backend: Backend) -> bool:
+    """Return True if a run of `backend` may use the process that has the hidden data of its model.
+
+    The class must declare it and be listed in a table of crosstrack. A class of another package, a subclass, a
+    class with the module and name of another one, and an instance with attributes of its own run in a process
+    without the hidden data.
+    """
+    kind = type(backend)
+    path = f"{kind.__module__}:{kind.__qualname__}"
+    is_declared = is_ours(backend) and any(entry.target == path for entry in installed())
+    has_own = not vars(backend).keys() <= {"problem"}
+    return kind.shares_process and is_declared and not has_own and resolve(path) is kind
 
 
 def rivals(backend: Backend) -> frozenset[str]:

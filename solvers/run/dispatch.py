@@ -18,7 +18,7 @@ from ...models.records import given
 from ..contract.backend import Backend, Control, Guarantee
 from ..contract.job import Job
 from ..contract.limits import LimitOptions, Limits, check_listener, merge_limits, takes_limits
-from ..contract.registry import is_ours, rivals
+from ..contract.registry import is_ours, rivals, shares_process
 from ..contract.solution import Incumbent, Solution
 from .execution import execute
 
@@ -151,7 +151,7 @@ def run_job(job: Job, isolate: bool | None, listener: Listener | None) -> Soluti
     """Run `job`, whose backend is resolved, in this process or in a worker."""
     model = job.model
     assert isinstance(job.backend, Backend)
-    hides = job.backend.hides(model)
+    hides = job.backend.hides(model) and not shares_process(job.backend)
     if hides and isolate is False:
         raise UnsupportedOption(
             f"model {model.kind!r} hides data from backends, which run in a worker: isolate=False"

@@ -70,11 +70,14 @@ def execute(
     job = job.resolved()
     asked = job.model.digest
     control = control or Control()
+    assert isinstance(job.backend, Backend)
+    if job.backend.hides(job.model):
+        control.oracle = job.model.oracle()
     result = claim(job, listener=listener, on_prepare=on_prepare, control=control)
     if isinstance(job.backend, Backend) and not is_ours(job.backend):
         job, result = _as_asked(job, asked, result)
     with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):  # the point is verified
-        solution = assemble(job, result)
+        solution = assemble(job, result, control.oracle)
     solution = solution.lasting(time.perf_counter() - begin)
     if result.formulation is not None:
         from .starts import start_again

@@ -56,6 +56,7 @@ class SideslipBackend(Backend):
     features = frozenset({Feature.INTERRUPT})
     deterministic = True
     single_threaded = True
+    shares_process = True
     #: True if the estimator needs training drives.
     learns = False
 

@@ -3,7 +3,9 @@
 import contextlib
 import dataclasses
 import gc
+import signal
 import sys
+import threading
 
 import cloudpickle
 import numpy as np
@@ -13,10 +15,15 @@ from unknown_grid.walks import Told
 
 import crosstrack as ct
 from crosstrack.errors import HiddenData, InvalidData, UnsupportedOption
+from crosstrack.instances.unknown_grid import draw_scenes, maze
 from crosstrack.models import UnknownGridNavigation
 from crosstrack.models.unknown_grid import NavigationRuns, World
-from crosstrack.solvers import Answer, Termination, find_backend
+from crosstrack.solvers import Answer, Termination, find_backend, register_backend
+from crosstrack.solvers.contract import registry
+from crosstrack.solvers.contract.registry import shares_process
+from crosstrack.solvers.processes import pool
 from crosstrack.solvers.unknown_grid.native import NavigationBackend
+from crosstrack.solvers.unknown_grid.replanning import DStarLite
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
@@ -72,6 +79,104 @@ def test_a_policy_meets_no_map(model):
     assert "met a world" in here.message and "met bool" in here.message
     with pytest.raises(UnsupportedOption, match="hides data from backends"):
         ct.solve(model, Spy(), isolate=False)
+
+
+class Sly(DStarLite):
+    """Subclass of a backend that shares the process with the maps."""
+
+    run = Spy.run
+
+
+class Claiming(Spy):
+    """Foreign backend that claims to share the process."""
+
+    name = "claiming"
+    shares_process = True
+
+
+class Forged(DStarLite):
+    """Subclass with the module and name of its base."""
+
+    run = Spy.run
+
+
+Forged.__module__, Forged.__qualname__ = DStarLite.__module__, DStarLite.__qualname__
+
+
+def altered():
+    """Return an instance of a backend that shares the process, with another method."""
+    backend = DStarLite()
+    backend.run = Spy().run
+    return backend
+
+
+@pytest.mark.parametrize("backend", [Sly(), Claiming(), altered()])
+def test_foreign_code_does_not_share_the_process(model, backend):
+    assert not shares_process(backend)
+    assert ct.solve(model, backend).message == "blind"
+    with pytest.raises(UnsupportedOption, match="hides data from backends"):
+        ct.solve(model, backend, isolate=False)
+
+
+def test_a_forged_class_does_not_share_the_process(model):
+    assert shares_process(DStarLite()) and not shares_process(Forged())
+    with pytest.raises(UnsupportedOption, match="hides data from backends"):
+        ct.solve(model, Forged(), isolate=False)
+
+
+def test_a_registered_backend_does_not_share_the_process(model, monkeypatch):
+    monkeypatch.setattr(registry, "_session", [])
+    register_backend(Claiming)
+    assert ct.solve(model, "claiming").message == "blind"
+
+
+@pytest.mark.parametrize("name", ["d-star-lite", "current-view", "baseline-2"])
+def test_a_run_in_this_process_equals_one_in_a_worker(name, monkeypatch):
+    model = draw_scenes("mixed", scenes=5, seed=4)
+    apart = ct.solve(model, name, isolate=True)
+    monkeypatch.setattr(pool, "in_worker", lambda *_, **__: pytest.fail("a worker started"))
+    here = ct.solve(model, name)
+    assert here.plan == apart.plan and here.primal_bound == apart.primal_bound
+    assert here.verification == apart.verification
+    skipped = "ms a decision"
+    counts = [{k: v for k, v in each.statistics.items() if k != skipped} for each in (here, apart)]
+    assert counts[0] == counts[1]
+
+
+def test_a_plan_in_this_process_must_match_the_executed_actions(monkeypatch):
+    model = UnknownGridNavigation.drawn(["S.@T", "...."], view=(3, 3))
+    said = NavigationRuns(("DRRRU",), ("reached",))
+
+    def lie(self, problem, request):
+        request.control.ask(np.array([[0.0, 3.0]]))
+        return Answer(Termination.FEASIBLE, point=said)
+
+    monkeypatch.setattr(DStarLite, "run", lie)  # a defect of crosstrack itself
+    found = ct.solve(model, DStarLite(), isolate=False)
+    assert found.termination == "rejected"
+    assert "actions of scene 0 are not those that the run took" in found.message
+
+
+def test_limits_of_a_run_in_this_process():
+    model = maze(401, 401, 3, view=(3, 3), steps=10**6)
+    found = ct.solve(model, "a-star-replanning", time_limit=0.5)
+    assert found.limit == "time" and found.plan.outcomes == ("gave up",)
+    assert found.verification.ok
+    assert found.seconds["total"] < 3
+    small = UnknownGridNavigation.drawn(["S.@T", "...."], view=(3, 3))
+    apart = ct.solve(small, "d-star-lite", memory_limit=2000)
+    assert apart.plan == ct.solve(small, "d-star-lite").plan
+    with pytest.raises(UnsupportedOption, match="memory_limit is kept in a worker"):
+        ct.solve(small, "d-star-lite", memory_limit=2000, isolate=False)
+
+
+def test_ctrl_c_stops_a_run_in_this_process():
+    model = maze(401, 401, 3, view=(3, 3), steps=10**6)
+    timer = threading.Timer(1.0, signal.raise_signal, [signal.SIGINT])
+    timer.start()
+    found = ct.solve(model, "a-star-replanning")
+    timer.cancel()
+    assert found.limit == "interrupted" and found.verification.ok
 
 
 def test_the_view_of_a_model_holds_no_map(model):
