@@ -15,7 +15,7 @@ from ...jit import kernel
 from .plan import LETTERS, MOVES
 from .scenes import Corners, Scenes, actions_of
 
-__all__ = ["FAR", "descend", "fewest_run", "meets", "obstacle_tracks", "spread"]
+__all__ = ["FAR", "descend", "fewest_run", "is_open", "meets", "obstacle_tracks", "spread"]
 
 Bytes = NDArray[np.uint8]
 Cells = NDArray[np.int8]

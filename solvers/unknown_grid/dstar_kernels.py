@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
+from ...models.unknown_grid.moving import is_open
 
 __all__ = ["FAR", "STUCK", "descend", "plan", "repair", "replan", "search"]
 
@@ -33,11 +34,11 @@ _SHIFT = 31
 
 
 @kernel
-def apart(width: int, one: int, other: int) -> int:
-    """Return the Manhattan distance of two cells."""
-    down = one // width - other // width
-    across = one % width - other % width
-    return abs(down) + abs(across)
+def apart(width: int, one: int, other: int, diagonal: bool = False) -> int:
+    """Return the Manhattan distance of two cells, with diagonal steps the Chebyshev distance."""
+    down = abs(one // width - other // width)
+    across = abs(one % width - other % width)
+    return max(down, across) if diagonal else down + across
 
 
 @kernel(interpretable=True)
@@ -168,23 +169,28 @@ def place(
 
 
 @kernel
-def key_of(cell: int, width: int, start: int, g: Steps, rhs: Steps, tally: Ints) -> int:
+def key_of(
+    cell: int, width: int, start: int, g: Steps, rhs: Steps, tally: Ints, diagonal: bool
+) -> int:
     """Return the key of a cell: the sum of steps and lower bound, then the steps."""
     steps = min(g[cell], rhs[cell])
-    return int(((steps + apart(width, start, cell) + tally[_MOVED]) << _SHIFT) | steps)
+    return int(((steps + apart(width, start, cell, diagonal) + tally[_MOVED]) << _SHIFT) | steps)
 
 
 @kernel
-def foresee(walls: Bytes, width: int, target: int, cell: int, g: Steps, rhs: Steps) -> None:
+def foresee(
+    walls: Bytes, width: int, target: int, cell: int, g: Steps, rhs: Steps, moves: Ints, sides: int
+) -> None:
     """Compute the one-step lookahead value of a cell (rhs)."""
     if cell == target:
         rhs[cell] = 0
         return
     best = FAR
     if walls[cell] == 0:
-        for move in (-width, width, -1, 1):
-            if walls[cell + move] == 0 and g[cell + move] + 1 < best:
-                best = g[cell + move] + 1
+        for action in range(len(moves)):
+            to = cell + moves[action]
+            if g[to] + 1 < best and is_open(walls, width, cell, action, moves[action], sides):
+                best = g[to] + 1
     rhs[cell] = best
 
 
@@ -202,6 +208,8 @@ def repair(
     keys: Ints,
     tally: Ints,
     flag: Flag,
+    moves: Ints,
+    sides: int,
 ) -> bool:
     """Update `g` on all shortest paths from the start by D* Lite; return False if `flag` stopped the search.
 
@@ -210,14 +218,17 @@ def repair(
     to the target and their one-step lookahead values, initially :data:`FAR`. `heap` is the binary heap
     of the inconsistent cells, whose g and rhs differ, `where` the index of each cell in it plus 1,
     initially 0, and `keys` their keys. `tally` is the state between calls, initially ``(0, 0, start)``.
+    `moves` are the changes of the cell number by 4 or 8 actions, see :func:`~.moving.spread`.
     """
-    tally[_MOVED] += apart(width, tally[_LAST], start)
+    diagonal = len(moves) > 4
+    tally[_MOVED] += apart(width, tally[_LAST], start, diagonal)
     tally[_LAST] = start
     for cell in changed:
-        for move in (0, -width, width, -1, 1):
-            near = cell + move
-            foresee(walls, width, target, near, g, rhs)
-            key = key_of(near, width, start, g, rhs, tally)
+        # A cell beside a diagonal step changes the step between two of its neighbours.
+        for action in range(-1, len(moves)):
+            near = cell + (moves[action] if action >= 0 else 0)
+            foresee(walls, width, target, near, g, rhs, moves, sides)
+            key = key_of(near, width, start, g, rhs, tally, diagonal)
             place(near, key, g[near] != rhs[near], heap, where, keys, tally)
     while tally[_COUNT] > 0:
         if flag[0] != 0:
@@ -225,9 +236,12 @@ def repair(
         cell = heap[0]
         smallest = keys[cell]
         # If the smallest key reaches the key of the start, no queued cell is on a shortest path.
-        if smallest >= key_of(start, width, start, g, rhs, tally) and rhs[start] <= g[start]:
+        if (
+            smallest >= key_of(start, width, start, g, rhs, tally, diagonal)
+            and rhs[start] <= g[start]
+        ):
             break
-        key = key_of(cell, width, start, g, rhs, tally)
+        key = key_of(cell, width, start, g, rhs, tally, diagonal)
         if smallest < key:  # outdated, because the vehicle has moved
             place(cell, key, True, heap, where, keys, tally)
             continue
@@ -237,21 +251,21 @@ def repair(
             place(cell, key, False, heap, where, keys, tally)
         else:
             g[cell] = FAR
-            place(cell, key_of(cell, width, start, g, rhs, tally), g[cell] != rhs[cell],
+            place(cell, key_of(cell, width, start, g, rhs, tally, diagonal), g[cell] != rhs[cell],
                   heap, where, keys, tally)  # fmt: skip
-        for move in (-width, width, -1, 1):
-            near = cell + move
-            if walls[near] != 0 or near == target:
+        for action in range(len(moves)):
+            near = cell + moves[action]
+            if near == target or not is_open(walls, width, cell, action, moves[action], sides):
                 continue
             if g[cell] < FAR:
                 if rhs[near] <= g[cell] + 1:
                     continue
                 rhs[near] = g[cell] + 1
             elif rhs[near] == before + 1:
-                foresee(walls, width, target, near, g, rhs)
+                foresee(walls, width, target, near, g, rhs, moves, sides)
             else:
                 continue
-            key = key_of(near, width, start, g, rhs, tally)
+            key = key_of(near, width, start, g, rhs, tally, diagonal)
             place(near, key, g[near] != rhs[near], heap, where, keys, tally)
     return True
 
@@ -341,6 +355,7 @@ def replan(
     g: Steps, rhs: Steps, heap: Ints, where: Steps, keys: Ints, tally: Ints,
 ) -> None:  # fmt: skip
     """Compute the `actions` of several scenes by D* Lite; see :func:`plan` and :func:`repair`."""
+    moves = np.array((-width, width, -1, 1))
     for index in range(len(rows)):
         row, cell = rows[index], cells[index]
         known, certain, target = walls[row], sure[row], ends[row, 1]
@@ -355,7 +370,7 @@ def replan(
             if attempt == 1:
                 count = doubt(known, certain, changed)
             repair(known, width, cell, target, changed[:count], g[row], rhs[row], heap[row],
-                   where[row], keys[row], tally[row], flag)  # fmt: skip
+                   where[row], keys[row], tally[row], flag, moves, 0)  # fmt: skip
             action = descend(known, width, g[row], cell)
             if action != STUCK or not doubts:
                 break

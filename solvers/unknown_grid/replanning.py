@@ -24,7 +24,7 @@ from ..contract.backend import Request
 from ..contract.option import Option
 from .dstar_kernels import FAR, plan, replan
 from .native import GIVE_UP, MOST_TOGETHER, NavigationBackend, Policy
-from .searching import Searching, SearchingEach
+from .searching import RepairingSearch, Searching, SearchingEach
 
 __all__ = ["AStarReplanning", "CurrentView", "DStarLite", "Replanning"]
 
@@ -136,7 +136,7 @@ class AStarReplanning(NavigationBackend):
     def policy(self, problem: UnknownGridNavigation, scenes: Ints, request: Request) -> Policy:
         """Return the policy of several scenes."""
         forget = request.options.get("forget", self.forget)
-        if aspects_of(problem) or forget is not None and self.forget is None:
+        if aspects_of(problem) or (forget is not None and self.forget is None):
             return SearchingEach(problem, scenes, request, forget, self.searching)
         return self.replanning(problem, scenes, request)
 
@@ -147,6 +147,7 @@ class DStarLite(AStarReplanning):
     name = "d-star-lite"
     summary = "optimistic replanning on all that was seen, D* Lite"
     replanning = _Repairing
+    searching = RepairingSearch
 
 
 class CurrentView(AStarReplanning):

@@ -11,6 +11,8 @@ frontier-based approach for autonomous exploration", CIRA 1997).
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,9 +23,10 @@ from ...models.unknown_grid.plan import MOVES, WAIT
 from ...models.unknown_grid.scenes import Corners
 from ...models.unknown_grid.world import BLOCKED, TARGET, UNKNOWN, Looks
 from ..contract.backend import Request
+from .dstar_kernels import FAR, repair
 from .native import GIVE_UP, NO_WAY
 
-__all__ = ["Searching", "SearchingEach"]
+__all__ = ["RepairingSearch", "Searching", "SearchingEach"]
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -127,15 +130,47 @@ class Searching:
     def _plan(self, moves: Ints) -> int:
         """Return the first action of a shortest path to the target or to the nearest unseen cell, or ``NO_WAY``."""
         walls = (self._evidence > 0).astype(np.uint8).reshape(-1)
-        goals = np.array([self._target])
         if self._target < 0:
             goals = np.flatnonzero((self._stamps.reshape(-1) < 0) & (walls == 0))
+        else:  # an obstacle may be on the target
+            goals = np.array([self._target] if walls[self._target] == 0 else [], np.int64)
+        if not len(goals):
+            return NO_WAY
         steps = self._steps(walls, goals, moves)
         return int(descend(walls, self._width, moves, self._sides, steps, self._cell))
 
-    def _steps(self, walls: Bytes, goals: Ints, moves: Ints) -> Ints:
+    def _steps(self, walls: Bytes, goals: Ints, moves: Ints) -> Any:
         """Return the steps to the nearest goal from all cells."""
-        return np.asarray(spread(walls, self._width, moves, self._sides, goals))
+        return spread(walls, self._width, moves, self._sides, goals)
+
+
+class RepairingSearch(Searching):
+    """Policy that repairs the previous search by D* Lite, as soon as the target is known."""
+
+    def __init__(
+        self, problem: UnknownGridNavigation, scene: int, request: Request, forget: int | None
+    ) -> None:
+        super().__init__(problem, scene, request, forget)
+        size = self._evidence.size
+        self._walls = np.zeros(size, np.uint8)
+        self._g, self._rhs = np.full(size, FAR, np.int32), np.full(size, FAR, np.int32)
+        self._heap, self._keys = np.empty(size, np.int64), np.empty(size, np.int64)
+        self._where = np.zeros(size, np.int32)
+        self._tally: Ints | None = None
+
+    def _steps(self, walls: Bytes, goals: Ints, moves: Ints) -> Any:
+        if self._target < 0 or len(moves) < len(self._allowed):
+            return super()._steps(walls, goals, moves)
+        changed = np.flatnonzero(walls != self._walls)
+        if self._tally is None:
+            self._tally = np.array([0, 0, self._cell])
+            changed = goals  # all other cells are far, as if no cell had been blocked before
+        self._walls = walls
+        repair(
+            walls, self._width, self._cell, self._target, changed, self._g, self._rhs, self._heap,
+            self._where, self._keys, self._tally, self._flag, moves, self._sides,
+        )  # fmt: skip
+        return self._g
 
 
 class SearchingEach:

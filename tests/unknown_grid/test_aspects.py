@@ -407,3 +407,18 @@ def test_fields_at_their_defaults_keep_digest_and_data():
             assert UnknownGridNavigation.from_data(other.data()).digest == other.digest
             digests.add(other.digest)
     assert len(digests) > 40
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    model=models(most=9, steps=60, uav="follow"), fields=rules(),
+    sensing=st.sampled_from(
+        [{}, {"occlusion": True}, {"false_obstacles": 0.1, "missed_obstacles": 0.1}, {"target_known": False}]
+    ),
+    forget=st.sampled_from([None, 0, 4]),
+)  # fmt: skip
+def test_d_star_lite_takes_the_steps_of_a_search_from_scratch(model, fields, sensing, forget):
+    model = with_rules(model, {**fields, **sensing})
+    found = [run(backend(), model, forget=forget) for backend in (DStarLite, AStarReplanning)]
+    assert found[0].point == found[1].point
+    assert model.verify(found[0].point).ok
