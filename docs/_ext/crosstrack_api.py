@@ -63,6 +63,8 @@ MORE = {
         ("Observations and camera", "models.unknown_grid.world", "Looks"),
         ("", "models.unknown_grid.camera", "Pinhole"),
         ("Gymnasium environment", "solvers.unknown_grid.gymnasium", ""),
+        ("", "solvers.unknown_grid.vector", "UnknownGridVectorEnv"),
+        ("", "solvers.unknown_grid.registration", "register"),
     ],
 }
 #: Module and name of the plot function if it is not ``plot`` with all its public names.

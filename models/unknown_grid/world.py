@@ -94,12 +94,12 @@ class World:
         self.problem = problem
         count, (rows, columns) = len(problem.starts), problem.shape.tolist()
         #: States of the runs: ``GOING``, ``REACHED`` or ``OUT_OF_STEPS``.
-        self.states: Ints = np.full(count, GOING)
-        self.positions: Ints = problem.starts.copy()
-        self.taken = np.zeros(count, np.int64)
-        self.collisions = np.zeros(count, np.int64)
-        self._centres: Ints = problem.starts.copy()
-        self._hovers = np.zeros(count, bool)
+        self.states: Ints = np.empty(count, np.int64)
+        self.positions: Ints = np.empty((count, 2), np.int64)
+        self.taken: Ints = np.empty(count, np.int64)
+        self.collisions: Ints = np.empty(count, np.int64)
+        self._centres: Ints = np.empty((count, 2), np.int64)
+        self._hovers = np.empty(count, bool)
         #: Actions per scene; only the first `taken` columns are used.
         self._actions = np.empty((count, 64), np.int8)
         # One frame of blocked cells represents all cells outside the map.
@@ -115,7 +115,13 @@ class World:
         self._sides = list(Corners).index(problem.corners)
         self._half, self._last = problem.view // 2, problem.shape + 1
         self._offsets = [np.arange(side) - side // 2 + 1 for side in problem.view.tolist()]
-        self._move_uav(np.arange(count))
+        self.restart(np.arange(count))
+
+    def restart(self, scenes: Ints) -> None:
+        """Begin new runs of `scenes`, which are distinct."""
+        self.states[scenes], self.taken[scenes], self.collisions[scenes] = GOING, 0, 0
+        self.positions[scenes], self._hovers[scenes] = self.problem.starts[scenes], False
+        self._move_uav(scenes)
 
     def __call__(self, questions: Floats) -> Floats:
         """Return the answers to questions, shape (n, 2), in the same order.

@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import BackendMissing, InvalidData
-from ...models.fields import Flag, Whole, required, show
+from ...errors import InvalidData
+from ...models.fields import Whole, show
 from ...models.unknown_grid.model import UnknownGridNavigation
-from ...models.unknown_grid.world import (
-    BLOCKED,
-    FREE,
-    LOOK,
-    OUT_OF_STEPS,
-    REACHED,
-    TARGET,
-    UNKNOWN,
-    Looks,
-    World,
-)
-from .memory import Memory
+from ...models.unknown_grid.world import BLOCKED, FREE, OUT_OF_STEPS, REACHED, TARGET, UNKNOWN
+from .vector import Episodes, derived, scene_of
 
 __all__ = ["UnknownGridEnv"]
 
@@ -95,8 +84,8 @@ class UnknownGridEnv:
 
     def __new__(cls, *_: Any, **__: Any) -> UnknownGridEnv:
         """Return an instance of the class that derives from ``gymnasium.Env``, too."""
-        derived = _derived(cls)  # type: ignore[arg-type]  # classes are hashable
-        instance: UnknownGridEnv = object.__new__(derived)
+        kind = derived(cls, "", "Env")  # type: ignore[arg-type]  # classes are hashable
+        instance: UnknownGridEnv = object.__new__(kind)
         return instance
 
     def __init__(
@@ -107,39 +96,21 @@ class UnknownGridEnv:
         memory: bool = True,
         render_mode: str | None = None,
     ) -> None:
-        from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete
+        from gymnasium.spaces import Discrete
 
-        self._model = required("model", model, UnknownGridNavigation)
-        if model.is_blinded:
-            raise InvalidData("model must have its true maps, got one without", field="model")
+        self._episodes = Episodes(model, 1, memory)
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise InvalidData(
                 f"render_mode must be ansi, rgb_array or None, got {show(render_mode)}",
                 field="render_mode",
             )
-        self.problem = model.blinded()
+        self.problem = self._episodes.problem
         self.render_mode = render_mode
-        self._scene = None if scene is None else self._number(scene)
-        self._all = Flag().coerce("memory", memory, {})
-        self._world: World | None = None
-        shape, view = model.shape, model.view
-        cells: dict[str, Any]
-        if model.camera is None:
-            cells = {
-                "map": Box(UNKNOWN, TARGET, tuple(shape.tolist()), np.int8),
-                "view": Box(FREE, TARGET, tuple(view.tolist()), np.int8),
-            }
-        else:
-            cells = {"image": Box(0, 255, (256, 256, 3), np.uint8)}
+        self._scene = None if scene is None else self._episodes.checked_scene(scene)
+        self._row = np.zeros(1, np.int64)
+        self._is_reset = False
         self.action_space = Discrete(4)
-        self.observation_space = Dict(
-            {
-                **cells,
-                "position": MultiDiscrete(shape),
-                "target": MultiDiscrete(shape),
-                "corner": MultiDiscrete(shape, start=-(view // 2)),
-            }
-        )
+        self.observation_space = self._episodes.space()
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -165,22 +136,12 @@ class UnknownGridEnv:
         InvalidData
             An option is unknown, or the scene is out of range.
         """
-        model = self._model
         super().reset(seed=seed, options=options)  # type: ignore[misc]  # gymnasium.Env's
-        options = dict(options or {})
-        scene = options.pop("scene", self._scene)
-        if options:
-            raise InvalidData(
-                f"unknown option {show(next(iter(options)))}; allowed: scene", field="options"
-            )
+        scene = scene_of(options, self._scene)
         if scene is None:
-            scene = self.np_random.integers(model.scenes)
-        self._now = self._number(scene)
-        self._world = World(model)
-        self._steps = 0
-        self._memory = Memory(model.shape, model.view, model.targets[[self._now]])
-        self._map = np.full(tuple(model.shape), UNKNOWN, np.int8)
-        self._look(LOOK)
+            scene = self.np_random.integers(self.problem.scenes)
+        self._episodes.begin(self._row, np.array([self._episodes.checked_scene(scene)]))
+        self._is_reset = True
         return self._observation(), self._info()
 
     def step(
@@ -209,22 +170,25 @@ class UnknownGridEnv:
         InvalidData
             The action is invalid, or no episode is active.
         """
-        if self._world is None:
+        if not self._is_reset:
             raise InvalidData("reset must begin an episode before its first step", field="action")
-        self._look(Whole(0, 3).coerce("action", action, {}))
-        self._steps += 1
-        terminated, truncated = self._state == REACHED, self._state == OUT_OF_STEPS
+        move = Whole(0, 3).coerce("action", action, {})
+        self._episodes.step(self._row, np.array([move]))
+        state = self._episodes.states[0]
+        terminated, truncated = bool(state == REACHED), bool(state == OUT_OF_STEPS)
         return self._observation(), -1.0 - truncated, terminated, truncated, self._info()
 
     def render(self) -> str | NDArray[np.uint8] | None:
         """Return the known map as text, or as an image of uint8; None without a mode or an episode."""
-        if self.render_mode is None or self._world is None:
+        if self.render_mode is None or not self._is_reset:
             return None
-        if self.render_mode == "rgb_array" and self.problem.camera is not None:
-            return self._image()
-        known = self._map.copy()
-        known[tuple(self.problem.targets[self._now])] = TARGET
-        known[tuple(self._looks.positions[0])] = _VEHICLE
+        seen = self._observation()
+        if self.render_mode == "rgb_array" and "image" in seen:
+            image: NDArray[np.uint8] = seen["image"]
+            return image
+        known = seen.get("map", np.full(tuple(self.problem.shape), UNKNOWN))
+        known[tuple(seen["target"])] = TARGET
+        known[tuple(seen["position"])] = _VEHICLE
         if self.render_mode == "ansi":
             return "\n".join("".join(_LETTERS[cell] for cell in row) for row in known.tolist())
         colours = np.array([_COLOURS[k - 1] for k in range(len(_COLOURS))], np.uint8)
@@ -232,58 +196,8 @@ class UnknownGridEnv:
         drawn: NDArray[np.uint8] = colours[known + 1].repeat(side, axis=0).repeat(side, axis=1)
         return drawn
 
-    def _number(self, scene: Any) -> int:
-        return int(Whole(0, self._model.scenes - 1).coerce("scene", scene, {}))
-
-    def _look(self, action: int) -> None:
-        """Execute an action in the simulator and store the observation."""
-        assert self._world is not None
-        answers = self._world(np.array([[self._now, action]], float))
-        self._looks = Looks.read(self.problem, np.array([self._now]), answers)
-        if self.problem.camera is None:
-            row = np.zeros(1, np.int64)
-            if action != LOOK:
-                self._memory.act(row, np.array([action]))
-            known = self._memory.look(row, *self._looks[1:3], self._looks.view)
-            self._map = (known.known if self._all else known.current)[0]
-
-    @property
-    def _state(self) -> int:
-        return int(self._looks.states[0])
-
-    def _image(self) -> NDArray[np.uint8]:
-        image: NDArray[np.uint8] = np.rint(255 * self._looks.view[0]).astype(np.uint8)
-        return image
-
     def _observation(self) -> dict[str, Any]:
-        if self.problem.camera is None:
-            cells = {"map": self._map.copy(), "view": self._looks.view[0].astype(np.int8)}
-        else:
-            cells = {"image": self._image()}
-        return {
-            **cells,
-            "position": self._looks.positions[0].copy(),
-            "target": self.problem.targets[self._now].copy(),
-            "corner": self._looks.corners[0].copy(),
-        }
+        return {name: array[0].copy() for name, array in self._episodes.seen.items()}
 
     def _info(self) -> dict[str, Any]:
-        collisions = int(self._looks.collisions[0])
-        return {"scene": self._now, "steps": self._steps, "collisions": collisions}
-
-
-@cache
-def _derived(cls: type[UnknownGridEnv]) -> type[UnknownGridEnv]:
-    """Return a subclass of `cls` and ``gymnasium.Env``, so that the module loads without Gymnasium."""
-    try:
-        from gymnasium import Env
-    except ImportError as error:
-        raise BackendMissing(
-            "UnknownGridEnv needs gymnasium: pip install 'crosstrack[learn]'"
-        ) from error
-    if issubclass(cls, Env):
-        return cls
-    derived: type[UnknownGridEnv] = type(
-        cls.__name__, (cls, Env), {"__doc__": cls.__doc__, "__module__": cls.__module__}
-    )
-    return derived
+        return {name: int(values[0]) for name, values in self._episodes.info.items()}

@@ -87,6 +87,11 @@ class Memory:
         self._places = np.full((count, 2), -1)
         self._actions = np.full(count, -1)
 
+    def restart(self, rows: Ints) -> None:
+        """Forget everything about the scenes `rows`."""
+        self._cells[rows], self._hits[rows], self._seen[rows] = UNKNOWN, False, False
+        self._places[rows] = self._actions[rows] = -1
+
     def look(self, rows: Ints, positions: Ints, corners: Ints, view: Any) -> Observation:
         """Store the views of the scenes `rows`, which are distinct, and return the knowledge of these scenes.
 

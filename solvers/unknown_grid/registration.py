@@ -1,0 +1,24 @@
+"""Registration of the environments with Gymnasium. It imports neither Gymnasium nor the environments."""
+
+from __future__ import annotations
+
+__all__ = ["ID", "register"]
+
+#: Name of the environments in Gymnasium's registry.
+ID = "crosstrack/UnknownGrid-v0"
+
+
+def register() -> None:
+    """Register :data:`ID` for ``gymnasium.make`` and ``gymnasium.make_vec``.
+
+    Gymnasium calls this function itself if crosstrack is installed as a distribution.
+    """
+    from gymnasium import envs
+
+    home = __name__.rpartition(".")[0]
+    if ID not in envs.registry:
+        envs.register(
+            ID,
+            entry_point=f"{home}.gymnasium:UnknownGridEnv",
+            vector_entry_point=f"{home}.vector:UnknownGridVectorEnv",
+        )
