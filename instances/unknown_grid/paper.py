@@ -135,14 +135,14 @@ PAPER = Paper(
                 "network as MCGN-I on the masked map."),
         printed("Section IV.A.3, parallel use", "MCGN-I until the target is in the view, then MCGN-II",
                 f"{_MCGN}:combine"),
-        printed("Section IV.A.3, expert", "A* on the true map; each O_g with its action", f"{_EPISODES}:lead_expert",
+        printed("Section IV.A.3, expert", "A* on the true map; each O_g with its action", f"{_EPISODES}:lead",
                 "Of equally good actions the first of up, down, left, right. Before, the network led and the expert knew "
                 "only what was seen."),
-        printed("Section IV.A.3, separate training", "MCGN-I and MCGN-II", f"{_EPISODES}:RunTrainer"),
+        printed("Section IV.A.3, separate training", "MCGN-I and MCGN-II", f"{_EPISODES}:ImitationTrainer"),
         different("Table II, learning rate", "10e-5 = 1e-4", f"{_MCGN}:First",
                   "The default of the training. The shipped weights were trained with 1e-3 (MCGN-I, MACN) and 1e-2 (MCGN-II), as "
                   "only a small part of the episodes fits the time without a graphics card."),
-        different("Table II, epochs and episodes", "120 epochs of 200 episodes, batch 64", f"{_EPISODES}:RunTrainer",
+        different("Table II, epochs and episodes", "120 epochs of 200 episodes, batch 64", f"{_EPISODES}:ImitationTrainer",
                   "The default of the training: 24,000 batches of 64 episodes (of 64 decisions for MCGN-II). The public "
                   "implementation of MACN, whose settings Table II repeats, counts batches as episodes. The shipped "
                   "weights saw 200 batches (MCGN-I, MACN) and 1,100 (MCGN-II): less than 1 % and 5 % of "

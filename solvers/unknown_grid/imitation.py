@@ -6,11 +6,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ...models.unknown_grid.model import UnknownGridNavigation
 from ...models.unknown_grid.plan import STEPS
+from ...models.unknown_grid.scenes import Hover
+from ...models.unknown_grid.world import GOING, LOOK, Looks, World
 from .memory import Memory, Observation
 
 if TYPE_CHECKING:
@@ -22,7 +24,6 @@ __all__ = [
     "Recurrence",
     "Scenes",
     "Task",
-    "Walk",
     "best_actions",
     "choose_actions",
     "draw_scenes",
@@ -67,14 +68,25 @@ def draw_scenes(
     examples: Examples | None, law: str, shape: tuple[int, int], obstacles: Any, scenes: int,
     generator: np.random.Generator,
 ) -> Scenes:  # fmt: skip
-    """Return random scenes drawn by `examples`, or raise :class:`InvalidData` if it is None."""
+    """Return random scenes drawn by `examples`, or raise :class:`InvalidData` if it is None.
+
+    `law` is one law or several, separated by commas. The scenes of several laws have equal numbers up to
+    one, and a law with no scene is left out.
+    """
     if examples is None:
         raise InvalidData(
             "examples must be a function that draws scenes, such as "
             "crosstrack.instances.unknown_grid.draw_scene_arrays, got None",
             field="examples",
         )
-    return Scenes(*examples(law, shape, obstacles, scenes, generator))
+    laws = law.split(",")
+    counts = np.bincount(np.arange(scenes) * len(laws) // scenes, minlength=len(laws))
+    parts = [
+        examples(name.strip(), shape, obstacles, count, generator)
+        for name, count in zip(laws, counts.tolist(), strict=True)
+        if count
+    ]
+    return Scenes(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def shortest_ways(blocked: Truths, targets: Ints) -> Lengths:
@@ -121,67 +133,32 @@ def first_of(best: Truths) -> Ints:
     return actions
 
 
-class Walk:
-    """Vectorised simulation of scenes, with the rules of :class:`~crosstrack.models.unknown_grid.World`.
+def walk_through(
+    scenes: Scenes,
+    view: tuple[int, int],
+    choose: Callable[[Observation, Ints], Any],
+    *,
+    steps: int = 40,
+    uav: Hover = Hover.PAPER,
+) -> World:
+    """Run all scenes until they end, and return the world after the last step.
 
-    A run has at most `steps` actions. If `follow`, the UAV follows the vehicle after the target was
-    seen; otherwise it hovers.
+    ``choose(observation, rows)`` returns the actions in the active scenes `rows`. `view`, `steps` and `uav` are
+    the fields of the model.
     """
-
-    def __init__(
-        self, scenes: Scenes, view: tuple[int, int], *, steps: int = 40, follow: bool = False
-    ) -> None:
-        self.scenes, self.steps, self.follow = scenes, steps, follow
-        count, *shape = scenes.blocked.shape
-        self._view = np.array(view)
-        self._half = self._view // 2
-        down, across = self._half.tolist()
-        walls = ((0, 0), (down, down), (across, across))
-        self._padded = np.pad(scenes.blocked, walls, constant_values=True).astype(np.int8)
-        self.memory = Memory(np.array(shape), self._view, scenes.targets)
-        self.positions = scenes.starts.copy()
-        self._centres = scenes.starts.copy()
-        self._hovers = np.zeros(count, bool)
-        self.taken = 0
-        self.collisions = np.zeros(count, np.int64)
-        self.reached = np.zeros(count, bool)
-        #: Number of steps of each run.
-        self.lengths = np.zeros(count, np.int64)
-
-    @property
-    def going(self) -> Ints:
-        """Indices of the scenes with an active run."""
-        return np.flatnonzero(~self.reached) if self.taken < self.steps else np.zeros(0, np.int64)
-
-    def look(self, rows: Ints) -> Observation:
-        """Return the observations of the scenes `rows`."""
-        away = np.abs(self.scenes.targets[rows] - self.positions[rows])
-        moves = rows[~self._hovers[rows]]
-        self._centres[moves] = self.positions[moves]
-        self._hovers[rows] |= ~np.bool_(self.follow) & (away <= self._half).all(axis=1)
-        centres = self._centres[rows]
-        windows = sliding_window_view(self._padded, tuple(self._view.tolist()), axis=(1, 2))
-        return self.memory.look(
-            rows, self.positions[rows], centres - self._half, windows[rows, *centres.T]
-        )
-
-    def act(self, rows: Ints, actions: Ints) -> None:
-        """Execute one action in each of the scenes `rows`, which must be all active scenes."""
-        self.memory.act(rows, actions)
-        cells = self.positions[rows] + _MOVES[actions]
-        free = ((cells >= 0) & (cells < self.scenes.blocked.shape[1:])).all(axis=1)
-        free[free] = ~self.scenes.blocked[rows[free], *cells[free].T]
-        self.collisions[rows] += ~free
-        self.positions[rows[free]] = cells[free]
-        self.taken += 1
-        self.lengths[rows] += 1
-        self.reached[rows] = (self.positions[rows] == self.scenes.targets[rows]).all(axis=1)
-
-
-def walk_through(walk: Walk, choose: Callable[[Observation, Ints], Any]) -> None:
-    """Run all scenes until they end; ``choose(observation, rows)`` returns the actions."""
-    while len(rows := walk.going):
-        walk.act(rows, np.asarray(choose(walk.look(rows), rows)))
+    shape = np.array(scenes.blocked.shape[1:])
+    model = UnknownGridNavigation(*scenes, shape, view=view, steps=steps, uav=uav)
+    world, memory = World(model), Memory(model.shape, model.view, model.targets)
+    rows = np.arange(model.scenes)
+    chosen = np.full(len(rows), LOOK)
+    while True:
+        looks = Looks.read(model, rows, world(np.column_stack([rows, chosen]).astype(float)))
+        rows, _, corners, _, _, cells = (array[looks.states == GOING] for array in looks)
+        if not len(rows):
+            return world
+        observed = memory.look(rows, world.positions[rows], corners, cells)
+        chosen = np.asarray(choose(observed, rows))
+        memory.act(rows, chosen)
 
 
 class Recurrence:

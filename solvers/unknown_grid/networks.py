@@ -16,8 +16,7 @@ A network is a module or class with the following names:
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +27,7 @@ from ..learning.gradient import fill
 from ..learning.trainer import Course, Trainer, Training
 from ..learning.weights import read_weights
 from . import gmgn, macn, small_vin, value_iteration
-from .episodes import EPISODES, IMITATION, DecisionTrainer, RunTrainer, StepTrainer
+from .episodes import EPISODES, IMITATION, ImitationTrainer
 
 if TYPE_CHECKING:
     import torch
@@ -76,8 +75,8 @@ def shipped_weights(kind: str) -> Path:
 def load_network(kind: str, path: str | Path | None = None) -> torch.nn.Module:
     """Return a network of a kind in :data:`NETWORKS` with the weights of a file, in evaluation mode.
 
-    The shipped weights are the default. Raise :class:`InvalidData` with the name of the file if it does
-    not fit the network.
+    The shipped weights are the default. The attribute ``law`` is the law of the training scenes, or ``""`` if the
+    file does not contain it. Raise :class:`InvalidData` with the name of the file if it does not fit the network.
     """
     file = shipped_weights(kind) if path is None else path
     weights, module = read_weights(file, kind), NETWORKS[kind]
@@ -88,44 +87,53 @@ def load_network(kind: str, path: str | Path | None = None) -> torch.nn.Module:
         )
     network: torch.nn.Module = module.build_network(**weights.architecture)
     fill(network, weights)
+    network.law = weights.made.get("law", "")
     return network.eval()
 
 
-def _training(kind: str, summary: str, trainer: Callable[..., Trainer], **fields: Any) -> Training:
-    """Return the training of a kind of networks whose initial weights follow from the course's seed."""
+def _training(
+    kind: str, summary: str, trainer: Callable[..., Trainer] = ImitationTrainer, *,
+    epochs: int = 120, options: Mapping[str, Option] = EPISODES, dtype: str = "float32",
+    minutes: float, use: str = Training.use, **how: Any,
+) -> Training:  # fmt: skip
+    """Return the training of a kind of networks whose initial weights follow from the course's seed.
+
+    `how` contains further arguments of `trainer`.
+    """
 
     def run(course: Course) -> Trainer:
         import torch
 
         torch.manual_seed(course.seed)
         sizes = NETWORKS[kind].ARCHITECTURE
-        return trainer(course, kind, NETWORKS[kind].build_network(**sizes), sizes)
+        return trainer(course, kind, NETWORKS[kind].build_network(**sizes), sizes, **how)
 
-    return Training(kind, summary, run, **fields)
+    return Training(
+        kind, summary, run, epochs=epochs, minutes=minutes, options=options, dtype=dtype, use=use
+    )
 
 
-_PAPER: dict[str, Any] = {"epochs": 120, "options": EPISODES}
 SMALL_VIN = _training(
     "small-vin", "value iteration on the remembered map with learned costs, by imitation of the shortest way",
-    StepTrainer, epochs=12, minutes=3, options=IMITATION,
+    epochs=12, minutes=3, options=IMITATION, mixed=True,
 )  # fmt: skip
 VIN = _training(
-    "vin", "the paper's value iteration network on the masked map, by imitation of A*",
-    DecisionTrainer, minutes=60, **_PAPER,
-)  # fmt: skip
+    "vin", "the paper's value iteration network on the masked map, by imitation of A*", minutes=60
+)
 MACN = _training(
-    "macn", "MACN on the masked map, by imitation of A*",
-    RunTrainer, minutes=240, dtype="float16", **_PAPER,
-)  # fmt: skip
+    "macn",
+    "MACN on the masked map, by imitation of A*",
+    minutes=240,
+    dtype="float16",
+    recurrent=True,
+)
 MCGN_1 = _training(
     "mcgn-1", "MCGN-I, before the target is in the view, by imitation of A*",
-    partial(RunTrainer, part=1), minutes=120, dtype="float16",
-    use="--backend mcgn --option weights={path}", **_PAPER,
+    minutes=120, dtype="float16", use="--backend mcgn --option weights={path}", part=1, recurrent=True,
 )  # fmt: skip
 MCGN_2 = _training(
     "mcgn-2", "MCGN-II, once the target is in the view, by imitation of A*",
-    partial(DecisionTrainer, part=2), minutes=30,
-    use="--backend mcgn --option weights_2={path}", **_PAPER,
+    minutes=30, use="--backend mcgn --option weights_2={path}", part=2,
 )  # fmt: skip
 GMGN = _training(
     "gmgn", "cells of a view from its image, by drawn images of scenes",

@@ -10,12 +10,7 @@ arXiv 1602.02867: attention takes the four action values at the vehicle's cell, 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from numpy.typing import NDArray
-
-from ...jit import kernel
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from torch import Tensor, nn
@@ -23,9 +18,6 @@ if TYPE_CHECKING:
     from .memory import Observation
 
 __all__ = ["ARCHITECTURE", "GOAL", "build_network", "build_planner"]
-
-Singles = NDArray[np.float32]
-Bytes = NDArray[np.uint8]
 
 #: Channels of the first layer and iterations (Table II).
 ARCHITECTURE = {"hidden": 150, "iterations": 30}
@@ -50,28 +42,6 @@ def build_planner(hidden: int = 150, iterations: int = 30) -> nn.Module:
     from torch import nn
     from torch.nn import functional
 
-    class Iteration(torch.autograd.Function):
-        """V_K of R(s, a) and gamma P by compiled loops, whose gradient is faster than that of convolutions."""
-
-        @staticmethod
-        def forward(context: Any, fixed: Tensor, moves: Tensor) -> Tensor:
-            count, _, rows, columns = fixed.shape
-            values = np.zeros((iterations + 1, count, rows + 2, columns + 2), np.float32)
-            best = np.empty((iterations + 1, count, rows, columns), np.uint8)
-            kernel = moves.detach().numpy()[:, 0]
-            iterate(fixed.detach().contiguous().numpy(), kernel, values, best)
-            context.left = kernel, values, best
-            return torch.from_numpy(values[-1, :, None, 1:-1, 1:-1].copy())
-
-        @staticmethod
-        def backward(context: Any, *gradients: Any) -> tuple[Tensor, Tensor]:
-            kernel, values, best = context.left
-            padded = functional.pad(gradients[0][:, 0], (1, 1, 1, 1)).numpy()
-            fixed = np.zeros((best.shape[1], 4, *best.shape[2:]), np.float32)
-            moved = np.zeros_like(kernel)
-            pass_back(padded, kernel, values, best, fixed, moved)
-            return torch.from_numpy(fixed), torch.from_numpy(moved[:, None])
-
     class Planner(nn.Module):
         def __init__(self) -> None:
             super().__init__()
@@ -91,14 +61,19 @@ def build_planner(hidden: int = 150, iterations: int = 30) -> nn.Module:
             kernel = torch.einsum("h,hcij->cij", pooling, self.reading.weight)[None]
             bias = (pooling @ self.reading.bias)[None]
             rewards = functional.conv2d(torch.stack([maps, goals], dim=1), kernel, bias, padding=1)
-            fixed = self.rewarding(rewards)
-            if torch.is_grad_enabled():
-                values = Iteration.apply(fixed, self.moving.weight)
-            else:
-                values = fixed.amax(dim=1, keepdim=True)
-                for _ in range(iterations):
-                    values = (fixed + self.moving(values)).amax(dim=1, keepdim=True)
-            return rewards, values, fixed + self.moving(values)
+            fixed = self.rewarding(rewards).transpose(0, 1)
+            moves, (rows, columns) = self.moving.weight.reshape(4, 9), maps.shape[1:]
+
+            def weigh(values: Tensor) -> Tensor:
+                """Return Q of V, actions first; this takes half the time of a convolution of one channel."""
+                padded = functional.pad(values, (1, 1, 1, 1))
+                shifted = [padded[:, i // 3 :, i % 3 :][:, :rows, :columns] for i in range(9)]
+                return fixed + torch.tensordot(moves, torch.stack(shifted), dims=1)
+
+            values = fixed.max(dim=0).values
+            for _ in range(iterations):
+                values = weigh(values).max(dim=0).values
+            return rewards, values[:, None], weigh(values).transpose(0, 1)
 
     return Planner()
 
@@ -122,73 +97,3 @@ def build_network(hidden: int = 150, iterations: int = 30) -> nn.Module:
             return self.output(worth[torch.arange(len(worth)), :, rows, columns]), None
 
     return Vin()
-
-
-# -- loops: they take an eighth of the time of convolutions of one channel ---------------------------
-
-
-@kernel
-def iterate(fixed: Singles, moves: Singles, values: Singles, best: Bytes) -> None:
-    """Fill the values of each iteration and their maximising actions.
-
-    `fixed` is R(s, a), shape (n, 4, rows, columns), and `moves` is gamma P, shape (4, 3, 3). Output:
-    `values` V_1, V_2 and so on with a zero frame, shape (iterations + 1, n, rows + 2, columns + 2), and
-    `best`, their maximising actions.
-    """
-    count, actions, rows, columns = fixed.shape
-    worth = np.empty((4, columns), np.float32)
-    for k in range(count):
-        for turn in range(len(values)):
-            for row in range(rows):
-                for action in range(actions):
-                    worth[action] = fixed[k, action, row]
-                    if turn:
-                        for down in range(3):
-                            for across in range(3):
-                                factor = moves[action, down, across]
-                                line = values[turn - 1, k, row + down]
-                                for column in range(columns):
-                                    worth[action, column] += factor * line[column + across]
-                for column in range(columns):
-                    top = 0
-                    for action in range(1, actions):
-                        if worth[action, column] > worth[top, column]:
-                            top = action
-                    best[turn, k, row, column] = top
-                    values[turn, k, row + 1, column + 1] = worth[top, column]
-
-
-@kernel
-def pass_back(
-    gradient: Singles, moves: Singles, values: Singles, best: Bytes, fixed: Singles, moved: Singles
-) -> None:
-    """Add the gradients with respect to R(s, a) and gamma P to `fixed` and `moved`.
-
-    `gradient`, shape (n, rows + 2, columns + 2), is that with respect to the last values. Its frame is
-    ignored, and the function overwrites it. `moves`, `values` and `best` are the arguments of
-    :func:`iterate`, after the call.
-    """
-    count, actions, rows, columns = fixed.shape
-    before = np.empty((rows + 2, columns + 2), np.float32)
-    part = np.empty(columns, np.float32)
-    for k in range(count):
-        for turn in range(len(values) - 1, -1, -1):
-            before[:] = 0.0
-            for row in range(rows):
-                for action in range(actions):
-                    for column in range(columns):
-                        chosen = best[turn, k, row, column] == action
-                        part[column] = gradient[k, row + 1, column + 1] if chosen else 0.0
-                        fixed[k, action, row, column] += part[column]
-                    if turn == 0:
-                        continue
-                    for down in range(3):
-                        line = values[turn - 1, k, row + down]
-                        into = before[row + down]
-                        for across in range(3):
-                            factor, total = moves[action, down, across], np.float32(0.0)
-                            for column in range(columns):
-                                into[column + across] += factor * part[column]
-                                total += part[column] * line[column + across]
-                            moved[action, down, across] += total
-            gradient[k] = before

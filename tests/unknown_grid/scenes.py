@@ -11,6 +11,7 @@ from crosstrack.models import UnknownGridNavigation
 from crosstrack.models.unknown_grid import World
 from crosstrack.solvers.contract.backend import Request
 from crosstrack.solvers.contract.control import Control
+from crosstrack.solvers.unknown_grid.imitation import Scenes, walk_through
 
 drawn = UnknownGridNavigation.drawn
 
@@ -86,3 +87,21 @@ def models(draw, most=7, scenes=1, **fixed):
     return UnknownGridNavigation(
         np.array(blocked), np.array(starts), np.array(targets), np.array([rows, columns]), **fields
     )
+
+
+def watch(model, choose):
+    """Return the world after a walk through the scenes of a model, and the observations with their scenes."""
+    looks = []
+
+    def record(observed, rows):
+        looks.append((observed, rows))
+        return choose(observed, rows)
+
+    scenes = Scenes(model.blocked, model.starts, model.targets)
+    view = tuple(model.view.tolist())
+    return walk_through(scenes, view, record, steps=model.steps, uav=model.uav), looks
+
+
+def first_look(model):
+    """Return the observation at the start of the scenes."""
+    return watch(model, lambda observed, rows: np.zeros(len(rows), int))[1][0][0]

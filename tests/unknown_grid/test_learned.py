@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from commands import run as command
 from hypothesis import given, settings, strategies as st
-from unknown_grid.scenes import WILD, drawn, models, run
+from unknown_grid.scenes import WILD, drawn, models, run, watch
 
 from crosstrack.errors import BackendMissing, InvalidData, UnsupportedFormulation
 from crosstrack.instances.unknown_grid import draw_scene_arrays, draw_scenes
@@ -20,12 +20,11 @@ from crosstrack.solvers.learning.trainer import Course
 from crosstrack.solvers.learning.training import find_training, train
 from crosstrack.solvers.learning.weights import Weights, read_weights, write_weights
 from crosstrack.solvers.unknown_grid import small_vin
-from crosstrack.solvers.unknown_grid.episodes import DecisionTrainer
+from crosstrack.solvers.unknown_grid.episodes import ImitationTrainer
 from crosstrack.solvers.unknown_grid.imitation import (
     NEVER,
     Recurrence,
     Scenes,
-    Walk,
     best_actions,
     choose_actions,
     first_of,
@@ -67,32 +66,29 @@ def test_walks_follow_the_rules_of_the_world(model, actions):
         if (np.array(view) > 2 * model.shape + 1).any():
             continue
         same = dataclasses.replace(model, view=view, steps=len(actions), uav=uav)
-        world = World(same)
-        walk = Walk(scenes_of(same), view, steps=len(actions), follow=uav == "follow")
-        memory = Memory(same.shape, same.view, same.targets)
+        left = iter(actions)
+        ended, walked = watch(same, lambda _, rows, left=left: (next(left) + rows) % 4)
+        world, memory = World(same), Memory(same.shape, same.view, same.targets)
         chosen = np.full(same.scenes, -1)
         rows = np.arange(same.scenes)
         known = [{} for _ in rows]
-        for action in actions:
+        for action, (observed, active) in zip(actions, walked, strict=False):
             answers = world(np.column_stack([rows, chosen[rows]]).astype(float))
             looks = Looks.read(same, rows, answers)
-            kept = looks.states == 0
-            looks = Looks._make(one[kept] for one in looks)
-            rows = walk.going
-            assert (looks.scenes == rows).all()
-            assert (looks.collisions == walk.collisions[rows]).all()
-            if not len(rows):
-                break
+            rows = rows[looks.states == 0]
+            looks = Looks._make(one[looks.states == 0] for one in looks)
+            assert (active == rows).all()
             seen = memory.look(rows, looks.positions, looks.corners, looks.view)
-            walked = walk.look(rows)
-            for name, one in walked._asdict().items():
+            for name, one in observed._asdict().items():
                 assert (one == getattr(seen, name)).all(), name
-            assert (walked.view == (looks.view == 1)).all()
+            assert (observed.view == (looks.view == 1)).all()
             for k, row in enumerate(rows.tolist()):
-                check_known(same, row, looks, k, walked.known[k], known[row])
+                check_known(same, row, looks, k, observed.known[k], known[row])
             chosen[rows] = (action + rows) % 4
             memory.act(rows, chosen[rows])
-            walk.act(rows, chosen[rows])
+        world(np.column_stack([rows, chosen[rows]]).astype(float))
+        assert (ended.positions == world.positions).all()
+        assert (ended.collisions == world.collisions).all()
 
 
 def check_known(model, scene, looks, k, cells, known):
@@ -115,13 +111,11 @@ def check_known(model, scene, looks, k, cells, known):
 
 
 def test_a_step_that_was_stopped_leaves_an_obstacle_in_memory():
-    model = drawn(["S#.T"], view=(1, 1))
-    walk = Walk(scenes_of(model), (1, 1))
-    rows = walk.going
-    assert walk.look(rows).known.tolist() == [[[0, -1, -1, 2]]]
-    walk.act(rows, np.array([3]))
-    seen = walk.look(rows)
-    assert seen.known.tolist() == [[[0, 1, -1, 2]]] and walk.collisions.tolist() == [1]
+    model = drawn(["S#.T"], view=(1, 1), steps=2)
+    world, looks = watch(model, lambda _, rows: np.array([3]))
+    first, seen = (observed for observed, _ in looks)
+    assert first.known.tolist() == [[[0, -1, -1, 2]]]
+    assert seen.known.tolist() == [[[0, 1, -1, 2]]] and world.collisions.tolist() == [2]
     assert seen.current.tolist() == [[[0, -1, -1, -1]]]
 
 
@@ -131,11 +125,15 @@ def test_ways_are_as_long_as_those_of_the_map_and_the_expert_takes_one(model):
     ways = shortest_ways(model.blocked, model.targets)
     here = ways[np.arange(3), *model.starts.T]
     assert (np.where(here < NEVER, here, np.inf) == model.fewest_steps()).all()
-    walk = Walk(scenes_of(model), (3, 3), steps=60)
-    walk_through(walk, lambda seen, rows: first_of(best_actions(ways[rows], seen.positions)))
-    assert (walk.reached == (here < NEVER)).all()
-    assert (walk.lengths == here)[walk.reached].all()
-    assert not walk.collisions[walk.reached].any()
+
+    def choose(seen, rows):
+        return first_of(best_actions(ways[rows], seen.positions))
+
+    world = walk_through(scenes_of(model), (3, 3), choose, steps=60)
+    reached = (world.positions == model.targets).all(axis=1)
+    assert (reached == (here < NEVER)).all()
+    assert (world.taken == here)[reached].all()
+    assert not world.collisions[reached].any()
 
 
 def test_logits_that_are_not_finite_are_never_chosen():
@@ -165,7 +163,7 @@ def test_a_network_is_judged_by_its_runs(part, monkeypatch):
     """Arrays in place of tensors, and the planner or a walk to the left in place of a network."""
     monkeypatch.setattr(Observation, "tensors", lambda observed: observed)
 
-    class Judged(DecisionTrainer):
+    class Judged(ImitationTrainer):
         def __init__(self, network):
             self.course = Course(0, 1, {"law": "paper", "judged": 12}, draw_scene_arrays)
             self.part, self.network = part, network
@@ -227,14 +225,8 @@ def test_shipped_weights_are_small_and_say_how_they_were_made(name):
 def seen(torch):
     """Return the observations of runs in scenes of the paper's first task, as arrays."""
     model = draw_scenes(scenes=12, obstacles=5, seed=7, view=(9, 9))
-    walk, found = Walk(scenes_of(model), (9, 9)), []
-
-    def choose(observed, rows):
-        found.append(observed)
-        return optimistic(observed)
-
-    walk_through(walk, choose)
-    return [one for one in found if len(one.seen) == len(found[0].seen)]
+    _, found = watch(model, lambda observed, _: optimistic(observed))
+    return [observed for observed, rows in found if len(rows) == model.scenes]
 
 
 def test_first_weights_are_value_iteration(seen, torch):
@@ -255,14 +247,14 @@ def test_a_way_that_winds_is_found_at_any_length(torch):
     model = WILD["maze"]()
     ways = shortest_ways(model.blocked, model.targets)
     network = small_vin.build_network()
-    walk = Walk(scenes_of(model), (35, 35), steps=200)
 
     def choose(observed, rows):
         with torch.inference_mode():
             return choose_actions(network(observed.tensors(), None)[0].numpy())[0]
 
-    walk_through(walk, choose)
-    assert walk.reached.all() and walk.lengths[0] == ways[0][tuple(model.starts[0])]
+    world = walk_through(scenes_of(model), (35, 35), choose, steps=200)
+    assert (world.positions == model.targets).all()
+    assert world.taken[0] == ways[0][tuple(model.starts[0])]
 
 
 def test_the_state_of_a_scene_stays_with_it(torch):
@@ -333,10 +325,10 @@ def test_weights_of_another_network_are_refused(torch, tmp_path):
 
 def test_the_small_network_stays_near_the_planner(torch):
     model = draw_scenes(obstacles=4, scenes=30, seed=21, view=(9, 9))
-    walk = Walk(scenes_of(model), (9, 9))
-    walk_through(walk, lambda seen, rows: optimistic(seen))
+    world, _ = watch(model, lambda observed, _: optimistic(observed))
+    reached = (world.positions == model.targets).all(axis=1)
     learned = run(SmallVin(), model).point
-    assert learned.success >= 100.0 * walk.reached.mean() - 5.0
+    assert learned.success >= 100.0 * reached.mean() - 5.0
     assert model.score(learned).ratio <= 1.1
 
 

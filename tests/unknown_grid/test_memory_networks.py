@@ -8,7 +8,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="networks with a memory are built with PyTorch")
 
 from torch.nn import functional  # noqa: E402
-from unknown_grid.scenes import WILD, drawn, run  # noqa: E402
+from unknown_grid.scenes import WILD, drawn, first_look, run  # noqa: E402
 
 from crosstrack.errors import CrosstrackError, InvalidData  # noqa: E402
 from crosstrack.instances.unknown_grid import draw_scene_arrays, draw_scenes  # noqa: E402
@@ -27,11 +27,10 @@ from crosstrack.solvers.unknown_grid.dnc import (  # noqa: E402
     write,
 )
 from crosstrack.solvers.unknown_grid.episodes import (  # noqa: E402
-    DecisionTrainer,
-    RunTrainer,
-    lead_expert,
+    ImitationTrainer,
+    lead,
 )
-from crosstrack.solvers.unknown_grid.imitation import Scenes, Task, Walk  # noqa: E402
+from crosstrack.solvers.unknown_grid.imitation import Scenes, Task  # noqa: E402
 from crosstrack.solvers.unknown_grid.learned import Macn, Mcgn  # noqa: E402
 from crosstrack.solvers.unknown_grid.networks import shipped_weights  # noqa: E402
 from crosstrack.solvers.unknown_grid.value_iteration import build_planner  # noqa: E402
@@ -238,7 +237,7 @@ def test_value_iteration_by_hand():
     assert worth[0, 3, 0].tolist() == [1.5, 3.75, 6]
 
 
-def test_compiled_iteration_has_the_gradients_of_the_convolutions():
+def test_iteration_by_shifts_has_the_gradients_of_the_convolutions():
     torch.manual_seed(2)
     planner = build_planner(3, 6)
     with torch.no_grad():
@@ -248,8 +247,8 @@ def test_compiled_iteration_has_the_gradients_of_the_convolutions():
         torch.randint(-1, 3, (4, 5, 7)).float(),
         torch.tensor([[0, 0], [4, 6], [2, 3], [1, 5]]),
     )
-    compiled = planner(maps, targets)[1]
-    compiled.square().sum().backward()
+    shifted = planner(maps, targets)[1]
+    shifted.square().sum().backward()
     gradients = [one.grad.clone() for one in planner.parameters()]
     planner.zero_grad()
     goals = torch.zeros(4, 5, 7)
@@ -260,7 +259,7 @@ def test_compiled_iteration_has_the_gradients_of_the_convolutions():
     for _ in range(6):
         values = (fixed + planner.moving(values)).amax(dim=1, keepdim=True)
     values.square().sum().backward()
-    np.testing.assert_allclose(compiled.detach(), values.detach(), rtol=1e-4)
+    np.testing.assert_allclose(shifted.detach(), values.detach(), rtol=1e-4)
     for one, other in zip(gradients, planner.parameters(), strict=True):
         np.testing.assert_allclose(
             one, other.grad, rtol=1e-3, atol=1e-3 * float(other.grad.abs().max())
@@ -272,9 +271,7 @@ def test_compiled_iteration_has_the_gradients_of_the_convolutions():
 
 def looks(lines, view):
     """Return the observation at the start of a random scene."""
-    model = drawn(lines, view=view)
-    walk = Walk(Scenes(model.blocked, model.starts, model.targets), view)
-    return walk.look(walk.going)
+    return first_look(drawn(lines, view=view))
 
 
 def test_masked_and_partial_map_by_hand():
@@ -327,8 +324,7 @@ def test_the_second_part_decides_once_the_target_was_seen():
     one, two = Part(1), Part(2)
     both = macn.combine(one, two)
     model = drawn(["@S.T.", "....."], ["S...T", "....."], view=(1, 5))
-    walk = Walk(Scenes(model.blocked, model.starts, model.targets), (1, 5))
-    logits, _ = both(walk.look(walk.going).tensors(), None)
+    logits, _ = both(first_look(model).tensors(), None)
     assert logits.argmax(dim=1).tolist() == [2, 1]
     assert one.maps[0].shape == (2, 2, 5) and two.maps[0][0].tolist() == [[1, 1, 0, 0, 2]]
 
@@ -339,7 +335,7 @@ def test_the_second_part_decides_once_the_target_was_seen():
 def test_the_expert_leads_and_its_first_action_is_learned():
     """A* around a wall: up before right, and the target in the view after three steps."""
     model = drawn(["......", ".@@@..", "S@..T."], view=(5, 5))
-    found = lead_expert(Scenes(model.blocked, model.starts, model.targets), Task((3, 6), (5, 5)))
+    found = lead(Scenes(model.blocked, model.starts, model.targets), Task((3, 6), (5, 5)))
     assert found.actions.tolist() == [0, 0, 3, 3, 3, 3, 1, 1]
     assert found.observed.seen.tolist() == [False] * 4 + [True] * 4
     assert found.observed.positions[:4].tolist() == [[2, 0], [1, 0], [0, 0], [0, 1]]
@@ -355,8 +351,8 @@ def trainer(name, seed):
     torch.manual_seed(seed)
     sizes = {key: SMALL.get(key, size) for key, size in module.ARCHITECTURE.items()}
     network = module.build_network(**sizes)
-    kind = DecisionTrainer if part == 2 else RunTrainer
-    return kind(Course(seed, 2, asked, draw_scene_arrays), name, network, sizes, part=part)
+    course = Course(seed, 2, asked, draw_scene_arrays)
+    return ImitationTrainer(course, name, network, sizes, part=part, recurrent=part < 2)
 
 
 @pytest.mark.parametrize("name", [*NETWORKS, "mcgn-2"])
