@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import InvalidData
+from ..arrays import NumberTuple
 from ..declaration import Plan
 from ..fields import Array, declared
+from ..records import Several
 
 __all__ = ["SideslipEstimate"]
 
 Floats = NDArray[np.float64]
+
+#: Largest number of time ranges in the text.
+NAMED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +32,26 @@ class SideslipEstimate(Plan):
         Estimated angle in radians.
     deviation : ndarray, shape (n,)
         Standard deviation claimed by the estimator, in radians, >= 0.
+    grip_lost : tuple of (begin, end)
+        Time ranges in seconds, in order, while an axle slides and more slip would add no force. They are estimated by
+        ``unscented-filter`` and empty for other backends.
     """
 
     sideslip: Floats = declared(Array(("n",)))
     deviation: Floats = declared(Array(("n",), lower=0.0))
+    grip_lost: tuple[tuple[float, float], ...] = declared(
+        Several(NumberTuple((2,), unit="s")), default=(), added=True
+    )
+
+    def check(self) -> None:
+        """Raise :class:`InvalidData` if the time ranges of `grip_lost` overlap or end before they begin."""
+        times = [time for span in self.grip_lost for time in span]
+        for k, (time, later) in enumerate(pairwise(times)):
+            if not time <= later:
+                raise InvalidData(
+                    f"grip_lost must be in order of time, got {later:g} s after {time:g} s in grip_lost[{(k + 1) // 2}]",
+                    field="grip_lost",
+                )
 
     def __len__(self) -> int:
         return len(self.sideslip)
@@ -38,4 +61,8 @@ class SideslipEstimate(Plan):
             return "no samples"
         most = float(np.degrees(np.abs(self.sideslip).max()))
         usual = float(np.degrees(np.median(self.deviation)))
-        return f"{len(self)} samples, at most {most:.3g}°, deviation about {usual:.2g}°"
+        spans = [f"{begin:.6g}-{end:.6g} s" for begin, end in self.grip_lost[:NAMED]]
+        more = len(self.grip_lost) - len(spans)
+        lost = f", grip lost at {', '.join(spans)}" if spans else ""
+        lost += f" and {more} more" if more else ""
+        return f"{len(self)} samples, at most {most:.3g}°, deviation about {usual:.2g}°{lost}"

@@ -24,6 +24,7 @@ _BEYOND = 1e9
 #: Largest visible height of the band beyond the curves, in heights of the curves: angle, error.
 _REACH = (1.0, 5.0)
 _BAND = "± 2 deviations"
+_LOST = "grip lost"
 _STILL = f"below {LOW_SPEED:g} m/s, no meaning"
 #: Height of a tall and of a low panel with the gap below, and gap at the left (inch).
 _TALL, _LOW, _GAP = 1.7, 1.0, 0.85
@@ -92,7 +93,8 @@ def draw(
     model : SideslipEstimation
         The model. If its truth is hidden, as for backends, it is drawn as a model without truth.
     plan : SideslipEstimate, optional
-        The estimate, drawn with a band of twice its claimed deviation. If None, only the data is drawn.
+        The estimate, drawn with a band of twice its claimed deviation. The times at which it has lost its grip are shaded
+        in red. If None, only the data is drawn.
     others : dict of str to plan, optional
         Up to 5 further estimates by legend label: plans, their JSON data or solutions.
     """
@@ -163,6 +165,11 @@ def _draw_panels(
         for k, panel in enumerate(upper):
             _draw_band(places[k], panel, samples, main, k)
         keys.append(Patch(facecolor=kit.colour_of(0), alpha=0.2, label=_BAND))
+        for begin, end in main.plan.grip_lost:
+            for axes in places[:count]:
+                axes.axvspan(begin, end, color=kit.RED, alpha=0.12, lw=0, zorder=0.6, gid=_LOST)
+        if main.plan.grip_lost:
+            keys.append(Patch(facecolor=kit.RED, alpha=0.12, label=_LOST))
     keys += kit.keys_of(lower[:1], places) if rests else []
     broad, tall, top = scene.broad, scene.tall, scene.head - 0.12
     rows = kit.legend_rows(keys, broad)

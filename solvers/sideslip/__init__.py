@@ -3,6 +3,7 @@
 BACKENDS = {
     "rts-smoother": ".kalman:RtsSmoother",
     "kalman-filter": ".kalman:KalmanFilter",
+    "unscented-filter": ".unscented:UnscentedFilter",
     "moving-horizon": ".moving_horizon:MovingHorizon",
     "kalman-grnn": ".regression:KalmanGrnn",
     "grnn": ".regression:Grnn",

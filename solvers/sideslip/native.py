@@ -38,6 +38,8 @@ class Estimate(NamedTuple):
         Standard deviation of the training targets, rad; 0, the default, for estimators that do not learn.
     history : bool
         True if the deviation does not account for recent inputs that differ from the training drives; False by default.
+    grip_lost : tuple of (begin, end)
+        Time ranges in seconds while an axle slides; empty by default.
     """
 
     sideslip: Floats
@@ -46,6 +48,7 @@ class Estimate(NamedTuple):
     message: str = ""
     spread: float = 0.0
     history: bool = False
+    grip_lost: tuple[tuple[float, float], ...] = ()
 
 
 class SideslipBackend(Backend):
@@ -89,7 +92,7 @@ class SideslipBackend(Backend):
         with np.errstate(all="ignore"):
             gated = apply_gates(problem, angle, claimed, estimate.spread, history=estimate.history)
         deviation = np.where(problem.recording.moving, gated.deviation, UNKNOWN)
-        plan = SideslipEstimate(angle, deviation)
+        plan = SideslipEstimate(angle, deviation, estimate.grip_lost)
         counts = {
             "samples without an estimate": lost,
             "samples contradicted by kinematics": int(gated.contradicted.sum()),

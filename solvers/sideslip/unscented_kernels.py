@@ -1,8 +1,9 @@
 """Kernels of the unscented filter of vehicle, tyres and sensors.
 
-The state is x = (β, ω, s, φ, b_ω, b_a, f): sideslip angle (rad), yaw rate (rad/s), inverse of the friction (s = 1/μ), bank
+The state is x = (β, ω, s, φ, b_ω, b_a, f, r): sideslip angle (rad), yaw rate (rad/s), inverse of the friction (s = 1/μ), bank
 angle of the road (rad, positive if the left side is higher), biases of yaw rate (rad/s) and lateral acceleration (m/s²),
-and mass factor, which multiplies mass and yaw inertia. The inverse of the friction makes linear tyres the case s = 0.
+mass factor, which multiplies mass and yaw inertia, and balance, which multiplies the front and the rear cornering stiffness
+by 1 + r and 1 - r. Linear tyres are the case s = 0 of the brush model.
 
 The covariance P = R Rᵀ is stored as its lower triangular root R. Prediction and update rotate a matrix to lower triangular form,
 so P is positive semidefinite in floating-point arithmetic, too (I. Arasaratnam and S. Haykin, Cubature Kalman filters, IEEE
@@ -19,27 +20,31 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 from ...models.sideslip.data import GRAVITY, LOW_SPEED
-from ...models.sideslip.dynamics import LONGEST_STEP, flow, measured, rates
+from ...models.sideslip.dynamics import LONGEST_STEP, axle_forces, flow, measured, rates
 
-__all__ = ["SIZE", "unscented_path", "unscented_step"]
+__all__ = ["SIZE", "find_slides", "unscented_path", "unscented_step"]
 
 Floats = NDArray[np.float64]
 
 #: Number of states.
-SIZE = 7
-#: Smallest inverse friction of a tyre with a limit, and smallest mass factor.
-_LEAST_INVERSE, _LEAST_FACTOR = 1e-3, 0.05
+SIZE = 8
+#: Smallest inverse friction of a tyre with a limit, smallest mass factor and largest balance.
+_LEAST_INVERSE, _LEAST_FACTOR, _MOST_BALANCE = 1e-3, 0.05, 0.8
+#: Share of the cornering stiffness below which more slip adds no force: 98.9 % of the brush model's largest force.
+_SLIDES = 0.05
 #: Number of samples between two checks of the stop flag.
 _SAMPLES = 256
 
 
 @kernel
-def adapt(p: Floats, loads: Floats, inverse: float, factor: float, own: Floats) -> None:
-    """Fill `own` with the vehicle `p`, changed by the inverse friction and the mass factor."""
-    factor = max(factor, _LEAST_FACTOR)
+def adapt(p: Floats, loads: Floats, x: Floats, own: Floats) -> None:
+    """Fill `own` with the vehicle `p`, changed by the inverse friction, the mass factor and the balance of the state."""
+    inverse, factor = x[2], max(x[6], _LEAST_FACTOR)
+    balance = min(max(x[7], -_MOST_BALANCE), _MOST_BALANCE)
     for j in range(len(p)):
         own[j] = p[j]
     own[0], own[1] = factor * p[0], factor * p[1]
+    own[4], own[5] = (1.0 + balance) * p[4], (1.0 - balance) * p[5]
     own[6] = own[7] = math.inf
     if inverse > _LEAST_INVERSE:
         own[6], own[7] = factor * loads[0] / inverse, factor * loads[1] / inverse
@@ -95,7 +100,7 @@ def triangulate(a: Floats, rows: int, columns: int) -> None:
 
 @kernel
 def spread_points(x: Floats, root: Floats, points: Floats) -> None:
-    """Fill `points`, shape (14, 7), with x ± √7 times each column of the root."""
+    """Fill `points`, shape (16, 8), with x ± √8 times each column of the root."""
     far = math.sqrt(SIZE)
     for i in range(SIZE):
         for j in range(SIZE):
@@ -112,7 +117,7 @@ def unscented_step(
 
     Parameters
     ----------
-    x, root : ndarray, shape (7,), (7, 7)
+    x, root : ndarray, shape (8,), (8, 8)
         State at the sample before, and lower triangular root of its covariance.
     z : ndarray, shape (2,)
         Measured yaw rate (rad/s) and lateral acceleration (m/s²); NaN for a measurement that is missing.
@@ -123,9 +128,9 @@ def unscented_step(
         Parameters of the vehicle, see :func:`~crosstrack.models.sideslip.dynamics.parameters`, and static loads of the axles (N).
     noise : ndarray, shape (4,)
         Variances of angle and yaw rate per second, and of both measurements.
-    drift : ndarray, shape (5, 3)
-        Usual value, standard deviation and time constant (s) of s, φ, b_ω, b_a and f. Each returns to its usual value.
-    new_x, new_root : ndarray, shape (7,), (7, 7)
+    drift : ndarray, shape (6, 3)
+        Usual value, standard deviation and time constant (s) of s, φ, b_ω, b_a, f and r. Each returns to its usual value.
+    new_x, new_root : ndarray, shape (8,), (8, 8)
         Output: the state after the update and the root of its covariance.
 
     Returns
@@ -144,11 +149,11 @@ def unscented_step(
     if dt > 0.0:
         spread_points(x, root, points)
         for k in range(2 * SIZE):
-            adapt(p, loads, points[k, 2], points[k, 6], own)
+            adapt(p, loads, points[k], own)
             points[k, 0], points[k, 1] = move(
                 points[k, 0], points[k, 1], points[k, 3], dt, u, du, delta, ddelta, own
             )
-            for j in range(5):
+            for j in range(SIZE - 2):
                 stay = math.exp(-dt / drift[j, 2])
                 points[k, 2 + j] = drift[j, 0] + stay * (points[k, 2 + j] - drift[j, 0])
         for i in range(SIZE):
@@ -185,7 +190,7 @@ def update(
     spread_points(middle, root, points)
     yaw_rate, acceleration = 0.0, 0.0
     for k in range(2 * SIZE):
-        adapt(p, loads, points[k, 2], points[k, 6], own)
+        adapt(p, loads, points[k], own)
         value, _, _ = measured(points[k, 0], points[k, 1], u, delta, own)
         a[0, k], a[1, k] = points[k, 1] + points[k, 4], value + points[k, 5]
         yaw_rate += a[0, k] / (2 * SIZE)
@@ -226,9 +231,9 @@ def unscented_path(
 ) -> int:  # fmt: skip
     """Run the filter over a drive; return the number of restarts, or -1 if `flag` stopped it.
 
-    `data`, shape (n, 2), is NaN for measurements that are not used. `initial`, shape (7, 2), is the state before the first
-    sample and its deviations. At a deviation of the angle above `most` the filter restarts. Output: `states`, shape (n, 7), `roots`,
-    shape (n, 7, 7), and `innovations`, shape (n, 2): the normalised squares and the numbers of measurements.
+    `data`, shape (n, 2), is NaN for measurements that are not used. `initial`, shape (8, 2), is the state before the first
+    sample and its deviations. At a deviation of the angle above `most` the filter restarts. Output: `states`, shape (n, 8), `roots`,
+    shape (n, 8, 8), and `innovations`, shape (n, 2): the normalised squares and the numbers of measurements.
     """
     lost = 0
     begin = np.zeros((SIZE, SIZE))
@@ -254,3 +259,16 @@ def unscented_path(
             p, loads, noise, drift, states[k], roots[k],
         )  # fmt: skip
     return lost
+
+
+@kernel(interpretable=True, allocates=True)
+def find_slides(
+    states: Floats, speed: Floats, steering: Floats, p: Floats, loads: Floats,
+    slides: NDArray[np.bool_],
+) -> None:  # fmt: skip
+    """Fill `slides`, shape (n,): True if an axle slides, that is, more slip adds less than 5 % of the force at small slip."""
+    own = np.empty(len(p))
+    for k in range(len(states)):
+        adapt(p, loads, states[k], own)
+        _, _, front, rear = axle_forces(states[k, 0], states[k, 1], speed[k], steering[k], own)
+        slides[k] = front < _SLIDES * own[4] or rear < _SLIDES * own[5]

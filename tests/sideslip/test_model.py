@@ -140,7 +140,7 @@ def test_a_model_that_is_refused(fields, message, field):
         ({"sideslip": [0.0] * 10, "deviation": [-1e-9] * 10}, r"deviation\[0\] must be >= 0"),
         ({"sideslip": [math.nan] * 10, "deviation": [0.0] * 10}, r"sideslip\[0\] must be finite"),
         ({"sideslip": [0.0] * 10}, "key 'deviation' is missing"),
-        ([0.0] * 10, "an object with the keys sideslip, deviation, got"),
+        ([0.0] * 10, "an object with the keys sideslip, deviation, grip_lost, got"),
         (None, "there is no plan"),
         (3.0, "plan must be a SideslipEstimate"),
     ],
