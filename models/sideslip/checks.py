@@ -5,14 +5,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .data import Recording
+from .data import Recording, Vehicle
 
-__all__ = ["kinematic_differences", "kinematic_error", "kinematic_rate", "mean_error"]
+__all__ = [
+    "kinematic_differences",
+    "kinematic_error",
+    "kinematic_rate",
+    "linear_contradiction",
+    "mean_error",
+]
 
 Floats = NDArray[np.float64]
 
 #: Interval (s) over which changes of the angle are compared with the measurements.
 WINDOW = 1.0
+#: Speed (m/s) below which tyres are not compared with kinematics: tight turns at low speed have large angles.
+SLOW = 5.0
 
 
 @np.errstate(over="ignore")  # an overflow gives an infinite error, which is no valid objective
@@ -64,3 +72,24 @@ def kinematic_differences(
         first = np.flatnonzero(moving[:-1] & moving[1:])
         last = first + 1
     return sideslip[last] - sideslip[first] - (change[last] - change[first]), first, last
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def linear_contradiction(
+    vehicle: Vehicle, recording: Recording, noises: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the largest difference between linear tyres and kinematics, in degrees, and its deviation by noise.
+
+    With linear tyres yaw rate, acceleration and steering angle of one sample determine the angle. Its changes over one
+    second at 5 m/s or more are compared with those of kinematics, as in :func:`kinematic_error`. `noises` are the standard
+    deviations of yaw rate (rad/s) and lateral acceleration (m/s²). The difference is 0 if the vehicle is slower.
+    """
+    front, rear = vehicle.cornering_front, vehicle.cornering_rear
+    arm = (vehicle.rear * rear - vehicle.front * front) / np.maximum(recording.speed, SLOW)
+    angle = front * recording.steering + arm * recording.yaw_rate
+    angle = (angle - vehicle.mass * recording.lateral_acceleration) / (front + rear)
+    apart, first, last = kinematic_differences(recording, angle)
+    fast = np.minimum(recording.speed[first], recording.speed[last]) >= SLOW
+    noise = np.hypot(np.median(arm) * noises[0], vehicle.mass * noises[1]) / (front + rear)
+    largest = np.abs(apart[fast]).max(initial=0.0)
+    return float(np.degrees(largest)), float(np.degrees(np.sqrt(2.0) * noise))
