@@ -75,21 +75,16 @@ def kinematic_differences(
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def linear_contradiction(
-    vehicle: Vehicle, recording: Recording, noises: tuple[float, float]
-) -> tuple[float, float]:
-    """Return the largest difference between linear tyres and kinematics, in degrees, and its deviation by noise.
+def linear_contradiction(vehicle: Vehicle, recording: Recording) -> float:
+    """Return the largest difference between linear tyres and kinematics at 5 m/s or more, in degrees.
 
     With linear tyres yaw rate, acceleration and steering angle of one sample determine the angle. Its changes over one
-    second at 5 m/s or more are compared with those of kinematics, as in :func:`kinematic_error`. `noises` are the standard
-    deviations of yaw rate (rad/s) and lateral acceleration (m/s²). The difference is 0 if the vehicle is slower.
+    second are compared with those of kinematics, as in :func:`kinematic_error`.
     """
     front, rear = vehicle.cornering_front, vehicle.cornering_rear
     arm = (vehicle.rear * rear - vehicle.front * front) / np.maximum(recording.speed, SLOW)
-    angle = front * recording.steering + arm * recording.yaw_rate
-    angle = (angle - vehicle.mass * recording.lateral_acceleration) / (front + rear)
+    force = front * recording.steering + arm * recording.yaw_rate
+    angle = (force - vehicle.mass * recording.lateral_acceleration) / (front + rear)
     apart, first, last = kinematic_differences(recording, angle)
     fast = np.minimum(recording.speed[first], recording.speed[last]) >= SLOW
-    noise = np.hypot(np.median(arm) * noises[0], vehicle.mass * noises[1]) / (front + rear)
-    largest = np.abs(apart[fast]).max(initial=0.0)
-    return float(np.degrees(largest)), float(np.degrees(np.sqrt(2.0) * noise))
+    return float(np.degrees(np.abs(apart[fast]).max(initial=0.0)))

@@ -27,7 +27,7 @@ __all__ = ["SideslipEstimation"]
 
 #: Contradiction of linear tyres (degrees, and deviations of noise) that excites grip and vehicle, and its smallest ratio to
 #: the training drives.
-EXCITED, NOISES, FACTOR = 0.5, 6.0, 2.0
+EXCITED, NOISES, FACTOR = 0.5, 8.0, 2.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,20 +133,19 @@ class SideslipEstimation(Model[SideslipEstimate]):
     def preferred_backend(self) -> str:
         """``unscented-filter`` if the tyres leave their linear range, else ``kalman-grnn`` if there are training drives.
 
-        The recording excites grip and vehicle if kinematics contradicts linear tyres by more than 0.5° and six deviations of
-        noise, and by more than twice the largest contradiction on training drives: drives like these are learned better.
+        The recording excites grip and vehicle if kinematics contradicts linear tyres by more than 0.5° and eight
+        deviations of the acceleration's noise, and by more than twice the largest contradiction on training drives: drives like these are learned better.
         The page of the problem has the measured table (``tests/benchmarks/sideslip/spins.py``).
 
         Of five estimators in 15 scenarios without a spin ``kalman-grnn`` has the smallest ratio to the best one: 1.2 in the
         geometric mean and 2.5 at most. ``rts-smoother``, the default without training drives, has 2.1 and 66
         (``tests/benchmarks/sideslip/errors.py``).
         """
-        noises = self.yaw_rate_noise, self.acceleration_noise
-        here, noise = linear_contradiction(self.vehicle, self.recording, noises)
-        if here > EXCITED + NOISES * noise:
-            known = (
-                linear_contradiction(self.vehicle, drive, noises)[0] for drive in self.training
-            )
+        car = self.vehicle
+        noise = car.mass * self.acceleration_noise / (car.cornering_front + car.cornering_rear)
+        here = linear_contradiction(car, self.recording)
+        if here > EXCITED + np.degrees(NOISES * noise):
+            known = [linear_contradiction(car, drive) for drive in self.training]
             if here > FACTOR * max(known, default=0.0):
                 return "unscented-filter"
         return "kalman-grnn" if self.training else ""

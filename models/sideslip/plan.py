@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +10,12 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..arrays import NumberTuple
 from ..declaration import Plan
-from ..fields import Array, declared
+from ..fields import Array, declared, show
 from ..records import Several
 
 __all__ = ["SideslipEstimate"]
 
 Floats = NDArray[np.float64]
-
-#: Largest number of time ranges in the text.
-NAMED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,14 +40,11 @@ class SideslipEstimate(Plan):
     )
 
     def check(self) -> None:
-        """Raise :class:`InvalidData` if the time ranges of `grip_lost` overlap or end before they begin."""
+        """Raise :class:`InvalidData` if the times of `grip_lost` are not in order."""
         times = [time for span in self.grip_lost for time in span]
-        for k, (time, later) in enumerate(pairwise(times)):
-            if not time <= later:
-                raise InvalidData(
-                    f"grip_lost must be in order of time, got {later:g} s after {time:g} s in grip_lost[{(k + 1) // 2}]",
-                    field="grip_lost",
-                )
+        if times != sorted(times):
+            text = f"grip_lost must be in order of time, got {show(self.grip_lost)}"
+            raise InvalidData(text, field="grip_lost")
 
     def __len__(self) -> int:
         return len(self.sideslip)
@@ -61,8 +54,6 @@ class SideslipEstimate(Plan):
             return "no samples"
         most = float(np.degrees(np.abs(self.sideslip).max()))
         usual = float(np.degrees(np.median(self.deviation)))
-        spans = [f"{begin:.6g}-{end:.6g} s" for begin, end in self.grip_lost[:NAMED]]
-        more = len(self.grip_lost) - len(spans)
-        lost = f", grip lost at {', '.join(spans)}" if spans else ""
-        lost += f" and {more} more" if more else ""
+        spans = [f"{begin:.6g}-{end:.6g} s" for begin, end in self.grip_lost]
+        lost = f", grip lost at {', '.join(spans[:4])}" + ", …" * (len(spans) > 4) if spans else ""
         return f"{len(self)} samples, at most {most:.3g}°, deviation about {usual:.2g}°{lost}"

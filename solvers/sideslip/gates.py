@@ -40,6 +40,7 @@ __all__ = [
     "Gated",
     "apply_gates",
     "find_contradictions",
+    "intervals",
     "measure_history_distance",
     "measure_training_distance",
     "time_ranges",
@@ -143,17 +144,24 @@ def time_ranges(drive: Recording, flags: NDArray[np.bool_]) -> str:
 
     Ranges that are at most 0.5 s apart are joined. The longest ranges are named, in order of time.
     """
-    places = np.flatnonzero(flags)
-    cuts = np.flatnonzero(np.diff(drive.times[places]) > GAP)
-    first = drive.times[places[np.concatenate([[0], cuts + 1])]]
-    last = drive.times[places[np.concatenate([cuts, [len(places) - 1]])]]
-    longest = np.sort(np.argsort(first - last, kind="stable")[:NAMED])
+    spans = np.array(intervals(drive.times, flags, GAP))
+    longest = np.sort(np.argsort(spans[:, 0] - spans[:, 1], kind="stable")[:NAMED])
     parts = [
         f"{begin:.6g} s" if begin == end else f"{begin:.6g}-{end:.6g} s"
-        for begin, end in zip(first[longest].tolist(), last[longest].tolist(), strict=True)
+        for begin, end in spans[longest].tolist()
     ]
-    more = len(first) - len(parts)
+    more = len(spans) - len(parts)
     return ", ".join(parts) + (f" and {more} more" if more else "")
+
+
+def intervals(
+    times: Floats, flags: NDArray[np.bool_], gap: float
+) -> tuple[tuple[float, float], ...]:
+    """Return first and last time (s) of each group of flagged samples that are at most `gap` seconds apart."""
+    places = np.flatnonzero(flags)
+    cuts = np.flatnonzero(np.diff(times[places]) > gap)
+    first, last = times[places[np.r_[0, cuts + 1]]], times[places[np.r_[cuts, -1]]]
+    return tuple(zip(first.tolist(), last.tolist(), strict=True))
 
 
 # -- kinematics ----------------------------------------------------------------------------------
