@@ -124,8 +124,12 @@ def steered(first: int, count: int, wrong: bool = False) -> Iterator[Spin]:
             bias = rng.uniform(-1, 1, 2) * [0.005, 0.1]
             factors["friction"] = float(rng.uniform(0.7, 1.1)) / friction
             factors |= {"mass": float(rng.uniform(0.9, 1.1))}
-            factors |= {key: float(rng.uniform(0.85, 1.15)) for key in ("cornering_front", "cornering_rear")}
-        believed: dict[str, Any] = {key: getattr(car, key) * value for key, value in factors.items()}
+            factors |= {
+                key: float(rng.uniform(0.85, 1.15)) for key in ("cornering_front", "cornering_rear")
+            }
+        believed: dict[str, Any] = {
+            key: getattr(car, key) * value for key, value in factors.items()
+        }
         recording = Recording(
             times[:n], speed[:n], delta[:n], states[:n, 1] + noise[0] + bias[0],
             forces[:n] + noise[1] + bias[1],
