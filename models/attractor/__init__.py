@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from .plan import (
         AttractorEstimate as AttractorEstimate,
         Judgement as Judgement,
+        Measures as Measures,
         Slope as Slope,
+        Spectrum as Spectrum,
         SurrogateTest as SurrogateTest,
     )
 

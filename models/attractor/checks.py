@@ -174,8 +174,8 @@ class Sample:
         return np.array(result).reshape(-1, len(ahead)), tied
 
 
-def prediction_error(sample: Sample, ahead: int) -> float:
-    """Return the error of predicting the last coordinate by the nearest state, relative to its deviation.
+def prediction_error(sample: Sample, ahead: int, column: int = -1) -> float:
+    """Return the error of predicting a coordinate, by default the last, by the nearest state, in its deviations.
 
     Prediction by a random state has the error 1. States at most the Theiler window apart are not neighbours.
     """
@@ -186,7 +186,7 @@ def prediction_error(sample: Sample, ahead: int) -> float:
     for some, apart in sample.blocks(last, largest=True):
         near = apart.argmin(axis=1)
         good = np.isfinite(apart[np.arange(len(some)), near])
-        moved = sample.states[some + ahead, -1] - sample.states[near + ahead, -1]
+        moved = sample.states[some + ahead, column] - sample.states[near + ahead, column]
         errors.append(moved[good])
     values = np.concatenate(errors)
     # Two random values differ by √2 times their deviation.

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Flag, Optional, Real, Text, declared, required
-from ..inputs import FloatArray
+from ..inputs import FloatArray, FloatsOrNone
 from ..model import Model
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .checks import Sample, prediction_error
 from .plan import AttractorEstimate, Judgement, Slope
+from .recomputed import exponents, measures
 
 __all__ = ["AttractorAnalysis"]
 
@@ -48,6 +49,8 @@ class AttractorAnalysis(Model[AttractorEstimate]):
         Correlation dimension, if it is known. Hidden from backends.
     chaotic : bool, optional
         Whether the series is known to come from a chaotic motion. Hidden from backends.
+    further : ndarray, shape (n, k), optional
+        Further coordinates of the same motion, measured at the same times, in any unit.
 
     Notes
     -----
@@ -75,6 +78,7 @@ class AttractorAnalysis(Model[AttractorEstimate]):
     true_exponent: float | None = declared(Optional(Real()), hidden=True, default=None)
     true_dimension: float | None = declared(Optional(Real(lower=0)), hidden=True, default=None)
     chaotic: bool | None = declared(Optional(Flag()), hidden=True, default=None)
+    further: FloatsOrNone = declared(Optional(Array(("n", "k"))), added=True, default=None)
 
     kind: ClassVar[str] = "attractor"
     plan_type: ClassVar[type] = AttractorEstimate
@@ -95,36 +99,38 @@ class AttractorAnalysis(Model[AttractorEstimate]):
             raise InvalidData(
                 f"series must hold {LEAST} … {MOST} samples, got {count}", field="series"
             )
-        low, high = float(self.series.min()), float(self.series.max())
-        if low == high:
-            raise InvalidData(
-                f"series must not be constant, got {low:g} at all {count} samples", field="series"
-            )
-        if not max(abs(low), abs(high)) < 1e150 or not high - low > 1e-150:
-            raise InvalidData(
-                f"series must have values below 1e150 that differ by more than 1e-150, got {low:g} … {high:g}",
-                field="series",
-            )
-        if self.deviation <= 1e-12 * max(abs(low), abs(high)):
-            raise InvalidData(
-                f"series must vary by more than rounding does: its deviation is {self.deviation:g} about "
-                f"{float(self.series.mean()):g}",
-                field="series",
-            )
+        for name, values in self._named_coordinates():
+            _check_values(name, values)
 
     @property
     def deviation(self) -> float:
         """Standard deviation of the series, in its unit."""
-        half = self.series / 2 - self.series.mean() / 2
-        return 2.0 * float(half.std())
+        return _deviation(self.series)
+
+    def _named_coordinates(self) -> list[tuple[str, Floats]]:
+        """Return the measured coordinates with their names in messages."""
+        further = () if self.further is None else self.further.T
+        return [("series", self.series), *((f"further[:, {k}]", x) for k, x in enumerate(further))]
+
+    @property
+    def coordinates(self) -> Floats:
+        """The series and the further coordinates with its mean and deviation, shape (k + 1, n)."""
+        mean, deviation = self.series.mean(), self.deviation
+        columns = [
+            (x - x.mean()) * (deviation / _deviation(x)) + mean
+            for _, x in self._named_coordinates()[1:]
+        ]
+        return np.stack([self.series, *columns])
 
     def states(self, delay: int, dimension: int) -> Floats:
-        """Return the states of an embedding, shape (n - (dimension - 1) delay, dimension).
+        """Return the states of an embedding, shape (n - (dimension - 1) delay, dimension (k + 1)).
+
+        The delayed values of the series come first, then those of each further coordinate.
 
         Parameters
         ----------
         delay, dimension : int
-            Samples between coordinates, and number of coordinates.
+            Samples between delayed values, and number of delayed values of each coordinate.
 
         Raises
         ------
@@ -138,7 +144,9 @@ class AttractorAnalysis(Model[AttractorEstimate]):
                 f"samples, got {len(self.series)}",
                 field="dimension",
             )
-        columns = [self.series[k * delay : k * delay + count] for k in range(dimension)]
+        columns = [
+            x[k * delay : k * delay + count] for x in self.coordinates for k in range(dimension)
+        ]
         return np.ascontiguousarray(np.stack(columns, axis=1))
 
     def verify(self, plan: AttractorEstimate, *, tolerance: float = TOLERANCE) -> Verification:
@@ -165,10 +173,11 @@ class AttractorAnalysis(Model[AttractorEstimate]):
                 checks.append(self._slope_check(name, sample, slope, tolerance))
         if plan.surrogates is not None:
             checks.append(_judgement_check(plan, tolerance))
+        checks += self._further_checks(plan, sample, tolerance)
         known = self._errors(plan)
         if known:
             return Verification(sum(known) / len(known), tuple(checks))
-        return Verification(prediction_error(sample, plan.delay), tuple(checks))
+        return Verification(prediction_error(sample, plan.delay, plan.dimension - 1), tuple(checks))
 
     def _slope_check(self, name: str, sample: Sample, slope: Slope, tolerance: float) -> Check:
         result, error, width = sample.slope(slope, self.period)
@@ -182,15 +191,48 @@ class AttractorAnalysis(Model[AttractorEstimate]):
             f"{slope.low:g} … {slope.high:g}, computed again {result:.6g}", tolerance, scale,
         )  # fmt: skip
 
+    def _further_checks(
+        self, plan: AttractorEstimate, sample: Sample, tolerance: float
+    ) -> list[Check]:
+        """Check that the exponents of the spectrum and the measures are those of the raw data."""
+        checks = []
+        if (spectrum := plan.spectrum) is not None:
+            count = len(spectrum.values)
+            values, errors = exponents(sample, plan.delay, spectrum.neighbours, count)
+            rate, most = 1.0 / (plan.delay * self.period), len(sample.states[0])
+            apart = np.abs(np.array(spectrum.values) - values * rate) - 5.0 * errors * rate
+            # Of few steps, the allowance is limited to the exponent or to one nat per step.
+            scale = np.maximum(np.abs(spectrum.values), rate)
+            over = float(np.max(np.nan_to_num(np.maximum(apart, 0.0) / scale, nan=np.inf)))
+            checks.append(
+                Check.scaled(
+                    "spectrum is that of the linear maps", "", over if count <= most else np.inf, "",
+                    f"computed again {', '.join(f'{x * rate:.4g}' for x in values)}", tolerance, 1.0,
+                )
+            )  # fmt: skip
+        if plan.measures is not None:
+            again = measures(sample.states, self.series, plan.theiler, plan.measures)
+            for name, value in plan.measures.values.items():
+                result = again.get(name, np.nan)
+                apart_by = abs(value - result) if np.isfinite(result) else np.inf
+                checks.append(
+                    Check.scaled(
+                        f"{name.replace('_', ' ')} is that of the series", "", apart_by, "",
+                        f"computed again {result:.6g}", tolerance, max(abs(value), 1.0),
+                    )
+                )  # fmt: skip
+        return checks
+
     def _errors(self, plan: AttractorEstimate) -> list[float]:
         """Return the relative errors of the known figures."""
         result = []
-        for known, slope, least in (
-            (self.true_exponent, plan.exponent, SLOW / self.period),
-            (self.true_dimension, plan.correlation, 1e-9),
+        correlation = None if plan.correlation is None else plan.correlation.value
+        for known, value, least in (
+            (self.true_exponent, plan.largest_exponent, SLOW / self.period),
+            (self.true_dimension, correlation, 1e-9),
         ):
             if known is not None:
-                apart = 1.0 if slope is None else abs(slope.value - known) / max(abs(known), least)
+                apart = 1.0 if value is None else abs(value - known) / max(abs(known), least)
                 result.append(min(apart, 1.0))
         if self.chaotic is not None:
             claimed = plan.surrogates
@@ -202,15 +244,24 @@ class AttractorAnalysis(Model[AttractorEstimate]):
         """Return the largest relative difference of the figures that both plans claim.
 
         Exponents near 0 are relative to 0.01 nats per sample, and different judgements have the distance 1.
+        Of spectra the resolved exponents are compared, and measures if they have the same radius and order.
         If both plans claim nothing but an embedding, the delays are compared.
         """
+        pairs, slow = list[tuple[float | None, float | None, float]](), SLOW / self.period
+        pairs.append((plan.largest_exponent, other.largest_exponent, slow))
+        if plan.correlation is not None and other.correlation is not None:
+            pairs.append((plan.correlation.value, other.correlation.value, 1e-9))
+        if plan.spectrum is not None and other.spectrum is not None:
+            first, second = (x.values[: x.resolved] for x in (plan.spectrum, other.spectrum))
+            pairs += [(x, y, slow) for x, y in zip(first, second, strict=False)]
+        if plan.measures is not None and other.measures is not None:
+            mine, theirs = plan.measures, other.measures
+            if (mine.radius, mine.order) == (theirs.radius, theirs.order):
+                pairs += [(x, theirs.values.get(name), 0.05) for name, x in mine.values.items()]
         apart = [
-            abs(first.value - second.value) / max(abs(first.value), abs(second.value), least)
-            for first, second, least in (
-                (plan.exponent, other.exponent, SLOW / self.period),
-                (plan.correlation, other.correlation, 1e-9),
-            )
-            if first is not None and second is not None
+            abs(x - y) / max(abs(x), abs(y), least)
+            for x, y, least in pairs
+            if x is not None and y is not None
         ]
         if plan.surrogates is not None and other.surrogates is not None:
             same = plan.surrogates.judgement is other.surrogates.judgement
@@ -221,8 +272,36 @@ class AttractorAnalysis(Model[AttractorEstimate]):
         return max(apart)
 
     def describe(self) -> str:
-        """Return the number of samples and the period as text."""
-        return f"{len(self.series)} samples, one each {self.period:.6g} s"
+        """Return the number of samples, the period and the number of coordinates as text."""
+        more = "" if self.further is None else f", {len(self.further[0]) + 1} coordinates"
+        return f"{len(self.series)} samples, one each {self.period:.6g} s{more}"
+
+
+def _deviation(values: Floats) -> float:
+    """Return the standard deviation; halves do not overflow."""
+    return 2.0 * float((values / 2 - values.mean() / 2).std())
+
+
+def _check_values(name: str, values: Floats) -> None:
+    """Reject values that are constant, too large or too near one another."""
+    low, high = float(values.min()), float(values.max())
+    field = name.partition("[")[0]
+    if low == high:
+        raise InvalidData(
+            f"{name} must not be constant, got {low:g} at all {len(values)} samples", field=field
+        )
+    if not max(abs(low), abs(high)) < 1e150 or not high - low > 1e-150:
+        raise InvalidData(
+            f"{name} must have values below 1e150 that differ by more than 1e-150, got {low:g} … {high:g}",
+            field=field,
+        )
+    deviation = _deviation(values)
+    if deviation <= 1e-12 * max(abs(low), abs(high)):
+        raise InvalidData(
+            f"{name} must vary by more than rounding does: its deviation is {deviation:g} about "
+            f"{float(values.mean()):g}",
+            field=field,
+        )
 
 
 def _judgement_check(plan: AttractorEstimate, tolerance: float) -> Check:

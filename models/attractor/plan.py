@@ -8,10 +8,10 @@ from enum import StrEnum
 
 from ...errors import InvalidData
 from ..declaration import Declared, Nested, Plan
-from ..fields import Optional, Real, Whole, declared, show
+from ..fields import NumberTuple, Optional, Real, Whole, declared, show
 from ..records import Member
 
-__all__ = ["AttractorEstimate", "Judgement", "Method", "Slope", "SurrogateTest"]
+__all__ = ["AttractorEstimate", "Judgement", "Measures", "Method", "Slope", "Spectrum", "SurrogateTest"]
 
 
 class Method(StrEnum):
@@ -132,6 +132,117 @@ class SurrogateTest(Declared):
 
 
 @dataclass(frozen=True, eq=False)
+class Spectrum(Declared):
+    """Lyapunov exponents from linear maps of neighbourhoods, see :func:`~.tangents.exponents`.
+
+    Parameters
+    ----------
+    values, deviations : tuple of float
+        Exponents, the largest first, and their claimed standard deviations, in nats per second.
+    resolved : int
+        Number of leading exponents whose directions are resolved. In the other directions the neighbours lie
+        on a curved sheet, so the value is an order of magnitude, and its deviation at least as large.
+    neighbours : int
+        Number of neighbours of each linear map.
+    """
+
+    values: tuple[float, ...] = declared(NumberTuple(("exponents",)))
+    deviations: tuple[float, ...] = declared(NumberTuple(("exponents",), lower=0))
+    resolved: int = declared(Whole(0))
+    neighbours: int = declared(Whole(2))
+
+    def check(self) -> None:
+        """Reject an empty spectrum, exponents that are not in descending order, and too many resolved ones."""
+        if not self.values or list(self.values) != sorted(self.values, reverse=True):
+            raise InvalidData(
+                f"values must be in descending order and not empty, got {show(self.values)}",
+                field="values",
+            )
+        if self.resolved > len(self.values):
+            raise InvalidData(
+                f"resolved must be <= {len(self.values)} exponents, got {self.resolved}",
+                field="resolved",
+            )
+
+    @property
+    def dimension(self) -> float | None:
+        """Kaplan-Yorke dimension; None if no sum of leading exponents is negative, or the first is negative."""
+        total = 0.0
+        for count, value in enumerate(self.values):
+            if total + value < 0:
+                return count + total / -value if count else None
+            total += value
+        return None
+
+    def __str__(self) -> str:
+        parts = zip(self.values, self.deviations, strict=True)
+        return ", ".join(f"{value:.4g} ± {deviation:.2g}" for value, deviation in parts)
+
+
+_MEASURE = Optional(Real())
+
+
+@dataclass(frozen=True, eq=False)
+class Measures(Declared):
+    """Measures of recurrence, order and memory; None for an undefined one.
+
+    States are recurrent if they are more than the Theiler window apart in time and no coordinate differs by
+    more than `radius`. Recurrence and the sample entropy use the first 10,000 samples.
+
+    Parameters
+    ----------
+    radius : float
+        Distance of recurrent states, in the unit of the series.
+    order : int
+        Number of values of an ordinal pattern.
+    recurrence_rate : float, optional
+        Share of recurrent pairs.
+    determinism, laminarity : float, optional
+        Share of recurrent pairs in diagonal and in vertical lines of at least two pairs.
+    diagonal_mean, diagonal_longest : float, optional
+        Mean and largest length of these diagonal lines, in samples.
+    diagonal_entropy : float, optional
+        Shannon entropy of their lengths, in nats.
+    permutation_entropy : float, optional
+        Shannon entropy of the ordinal patterns of `order` values one sample apart, divided by ln(order!).
+    hurst : float, optional
+        Exponent of the rescaled range, corrected by its expectation for independent values.
+    fluctuation : float, optional
+        Exponent of the detrended fluctuation of the cumulative sum (DFA of order 1).
+    sample_entropy : float, optional
+        Rate at which two equal pairs of successive values differ in the third, in nats per sample. Values are
+        equal if they differ by at most `radius`.
+    """
+
+    radius: float = declared(Real(lower=0, strict=True))
+    order: int = declared(Whole(2, 8))
+    recurrence_rate: float | None = declared(_MEASURE, default=None)
+    determinism: float | None = declared(_MEASURE, default=None)
+    laminarity: float | None = declared(_MEASURE, default=None)
+    diagonal_mean: float | None = declared(_MEASURE, default=None)
+    diagonal_longest: float | None = declared(_MEASURE, default=None)
+    diagonal_entropy: float | None = declared(_MEASURE, default=None)
+    permutation_entropy: float | None = declared(_MEASURE, default=None)
+    hurst: float | None = declared(_MEASURE, default=None)
+    fluctuation: float | None = declared(_MEASURE, default=None)
+    sample_entropy: float | None = declared(_MEASURE, default=None)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Defined measures by name."""
+        return {
+            name: value
+            for name, value in self.data().items()
+            if value is not None and name not in ("radius", "order")
+        }
+
+    def __str__(self) -> str:
+        return ", ".join(
+            f"{name.replace('_', ' ')} {value:.4g}" for name, value in self.values.items()
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class AttractorEstimate(Plan):
     """Embedding of a series, and the figures found in it.
 
@@ -149,6 +260,10 @@ class AttractorEstimate(Plan):
         Correlation dimension.
     surrogates : SurrogateTest, optional
         Test whether linear noise explains the series.
+    spectrum : Spectrum, optional
+        All Lyapunov exponents in nats per second.
+    measures : Measures, optional
+        Measures of recurrence, order and memory.
     """
 
     delay: int = declared(Whole(1, 10**9))
@@ -157,6 +272,8 @@ class AttractorEstimate(Plan):
     exponent: Slope | None = declared(Optional(Nested(Slope)), default=None)
     correlation: Slope | None = declared(Optional(Nested(Slope)), default=None)
     surrogates: SurrogateTest | None = declared(Optional(Nested(SurrogateTest)), default=None)
+    spectrum: Spectrum | None = declared(Optional(Nested(Spectrum)), added=True, default=None)
+    measures: Measures | None = declared(Optional(Nested(Measures)), added=True, default=None)
 
     def check(self) -> None:
         """Reject slopes of the wrong curve."""
@@ -171,6 +288,13 @@ class AttractorEstimate(Plan):
     def window(self) -> int:
         """Samples that a state spans: ``(dimension - 1) * delay``."""
         return (self.dimension - 1) * self.delay
+
+    @property
+    def largest_exponent(self) -> float | None:
+        """Largest exponent in nats per second: the slope, or else the first of the spectrum."""
+        if self.exponent is None:
+            return None if self.spectrum is None else self.spectrum.values[0]
+        return self.exponent.value
 
     @property
     def exponent_bits(self) -> float | None:
@@ -213,4 +337,8 @@ class AttractorEstimate(Plan):
             parts.append(f"correlation dimension {self.correlation}")
         if self.surrogates is not None:
             parts.append(str(self.surrogates))
+        if self.spectrum is not None:
+            parts.append(f"exponents {self.spectrum} nats/s")
+        if self.measures is not None:
+            parts.append(str(self.measures))
         return ", ".join(parts)

@@ -14,5 +14,7 @@ BACKENDS = {
     "small-data-sets": ".paper_methods:SmallDataSets",
     "g-p": ".paper_methods:GrassbergerProcaccia",
     "surrogates": ".surrogates:Surrogates",
+    "lyapunov-spectrum": ".spectrum:LyapunovSpectrum",
+    "measures": ".measures:SeriesMeasures",
 }
 DIAGNOSES = {"attractor": ".diagnosis:diagnose_attractor"}
