@@ -22,7 +22,8 @@ def write_states_csv(
     """Write the states of the plan's embedding as CSV, one row per state, and return the path.
 
     The columns are ``time [s]``, counted from the first sample, and ``x0``, ``x1`` and so on with the unit
-    of the series: the sample at that time, one delay later and so on. Numbers have all digits.
+    of the series: the sample at that time, one delay later and so on, then those of further coordinates with
+    the mean and the deviation of the series. Numbers have all digits.
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ def write_states_csv(
     required("plan", plan, AttractorEstimate)
     states = required("model", model, AttractorAnalysis).states(plan.delay, plan.dimension)
     unit = f" [{model.unit}]" if model.unit else ""
-    head = ["time [s]", *(f"x{k}{unit}" for k in range(plan.dimension))]
+    head = ["time [s]", *(f"x{k}{unit}" for k in range(states.shape[1]))]
     times = model.period * np.arange(len(states))
     return write_rows(path, head, np.column_stack([times, states]).tolist())
 

@@ -2,7 +2,7 @@
 
 A file has a header with a column ``time`` with its unit in brackets, such as ``time [ms]``, and one or more
 columns of values, such as ``x [m]``. Times must be evenly spaced, because the delays of an embedding are
-numbers of samples. Other columns are ignored.
+numbers of samples. Columns that are not named are ignored.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ def read_series(
     path : path-like
         Name of the file.
     column : str, optional
-        Name of the column of values, with or without its unit. Required if there are several.
+        Name of the column of values, with or without its unit. Required if there are several. The names of
+        several columns, separated by commas, are the series and the further coordinates.
     period : float, optional
         Seconds between samples, if the file has no times.
     name : str, optional
@@ -63,7 +64,7 @@ def read_series(
         period are given or both, or the series is too short or constant. The message gives file, line,
         column and value.
     UnknownName
-        The column does not exist.
+        A column does not exist.
     """
     data = table_file(path, column=column, period=period, **options)
     try:
@@ -103,9 +104,10 @@ def _read(
     """Return the series, its unit, and the period if the file has times."""
     sheet = Sheet(path, "sample", "series", series=True, **options)
     times = _times(sheet)
-    at = _values(sheet, times, wanted)
+    at, *further = _columns(sheet, times, wanted)
     # Times stay in the unit of the file, in which messages state them.
-    selection = {at: Column("series", series=True), **{k: Column("time") for k in times}}
+    selection = {k: Column(f"further[{k}]", series=True) for k in further}
+    selection |= {at: Column("series", series=True), **{k: Column("time") for k in times}}
     table = sheet.read(selection)
     unit = sheet.parts(times[0])[1] if times else "samples"
     if not times:
@@ -116,6 +118,9 @@ def _read(
         insert_rows(table, longest)
         interpolate(table, longest, unit)
     result = {"series": np.array(table.values["series"]), "unit": sheet.parts(at)[1]}
+    if further:
+        values = [table.values[f"further[{k}]"] for k in further]
+        result["further"] = np.stack(values, axis=1)
     for k in times:
         spacing = _spacing(np.array(table.values["time"]), table.places, sheet.names[k])
         result["period"] = sheet.factor(k, TIMES, "time") * spacing
@@ -132,6 +137,19 @@ def _times(sheet: Sheet) -> list[int]:
     for at in result:
         sheet.factor(at, TIMES, "time")
     return result
+
+
+def _columns(sheet: Sheet, times: list[int], wanted: str | None) -> list[int]:
+    """Return the positions of the wanted columns: one, or several if no column has the whole name."""
+    labels = {*sheet.names, *(sheet.parts(at)[0].casefold() for at in range(len(sheet.names)))}
+    if wanted is None or "," not in wanted or wanted.strip().casefold() in labels:
+        return [_values(sheet, times, wanted)]
+    places = [_values(sheet, times, name) for name in wanted.split(",")]
+    if len(set(places)) < len(places):
+        raise InvalidData(
+            f"{sheet.where}: columns must differ, got {show(wanted)}", field="column"
+        )
+    return places
 
 
 def _values(sheet: Sheet, times: list[int], wanted: str | None) -> int:

@@ -198,8 +198,8 @@ class AttractorAnalysis(Model[AttractorEstimate]):
         checks = []
         if (spectrum := plan.spectrum) is not None:
             count = len(spectrum.values)
-            values, errors = exponents(sample, plan.delay, spectrum.neighbours, count)
-            rate, most = 1.0 / (plan.delay * self.period), len(sample.states[0])
+            values, errors = exponents(sample, spectrum.step, spectrum.neighbours, count)
+            rate, most = 1.0 / (spectrum.step * self.period), len(sample.states[0])
             apart = np.abs(np.array(spectrum.values) - values * rate) - 5.0 * errors * rate
             # Of few steps, the allowance is limited to the exponent or to one nat per step.
             scale = np.maximum(np.abs(spectrum.values), rate)

@@ -133,7 +133,7 @@ class SurrogateTest(Declared):
 
 @dataclass(frozen=True, eq=False)
 class Spectrum(Declared):
-    """Lyapunov exponents from linear maps of neighbourhoods, see :func:`~.tangents.exponents`.
+    """Lyapunov exponents from linear maps of neighbourhoods, one `step` ahead.
 
     Parameters
     ----------
@@ -142,14 +142,15 @@ class Spectrum(Declared):
     resolved : int
         Number of leading exponents whose directions are resolved. In the other directions the neighbours lie
         on a curved sheet, so the value is an order of magnitude, and its deviation at least as large.
-    neighbours : int
-        Number of neighbours of each linear map.
+    neighbours, step : int
+        Number of neighbours of each linear map, and samples from a state to its image.
     """
 
     values: tuple[float, ...] = declared(NumberTuple(("exponents",)))
     deviations: tuple[float, ...] = declared(NumberTuple(("exponents",), lower=0))
     resolved: int = declared(Whole(0))
     neighbours: int = declared(Whole(2))
+    step: int = declared(Whole(1, 10**9))
 
     def check(self) -> None:
         """Reject an empty spectrum, exponents that are not in descending order, and too many resolved ones."""
@@ -165,13 +166,18 @@ class Spectrum(Declared):
             )
 
     @property
-    def dimension(self) -> float | None:
-        """Kaplan-Yorke dimension; None if no sum of leading exponents is negative, or the first is negative."""
-        total = 0.0
-        for count, value in enumerate(self.values):
+    def kaplan_yorke(self) -> tuple[float, float] | None:
+        """Kaplan-Yorke dimension and its standard deviation; None if no sum of leading exponents is negative.
+
+        The deviation follows from those of the exponents, as if they were independent. If the first exponent
+        is negative, the dimension is 0.
+        """
+        total = variance = 0.0
+        for count, (value, deviation) in enumerate(zip(self.values, self.deviations, strict=True)):
             if total + value < 0:
-                return count + total / -value if count else None
-            total += value
+                spread = math.sqrt(variance + (total / value * deviation) ** 2) / -value
+                return count - total / value, spread if count else 0.0
+            total, variance = total + value, variance + deviation**2
         return None
 
     def __str__(self) -> str:
@@ -339,6 +345,8 @@ class AttractorEstimate(Plan):
             parts.append(str(self.surrogates))
         if self.spectrum is not None:
             parts.append(f"exponents {self.spectrum} nats/s")
+            if (dimension := self.spectrum.kaplan_yorke) is not None:
+                parts.append("Kaplan-Yorke dimension {:.4g} ± {:.2g}".format(*dimension))
         if self.measures is not None:
             parts.append(str(self.measures))
         return ", ".join(parts)

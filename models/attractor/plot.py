@@ -122,6 +122,11 @@ def _parts(
         parts.append(f"λ = {_slope_text(plan.exponent)} nats/s")
     if plan.correlation is not None:
         parts.append(f"D = {_slope_text(plan.correlation)}")
+    if (spectrum := plan.spectrum) is not None:
+        values = ", ".join(kit.number(value, 3) for value in spectrum.values)
+        parts.append(f"λ = {values} nats/s ({spectrum.resolved} resolved)")
+        if (dimension := spectrum.kaplan_yorke) is not None:
+            parts.append("Kaplan-Yorke dimension {} ± {}".format(*(kit.number(x, 2 + (x == dimension[0])) for x in dimension)))
     if result.objective is not None:
         truth = (model.true_exponent, model.true_dimension, model.chaotic)
         known = any(value is not None for value in truth)
@@ -132,7 +137,7 @@ def _parts(
 
 def _verdict(plan: AttractorEstimate | None) -> str:
     if plan is None or plan.surrogates is None:
-        return ""
+        return str((plan and plan.measures) or "")
     test = plan.surrogates
     few = "none" if not test.exceeded else str(test.exceeded)
     return (
@@ -209,7 +214,7 @@ def _draw_states(model: AttractorAnalysis, axes: Any, delay: int) -> None:
     series = model.series
     if len(series) <= (shown - 1) * delay + 1:
         delay = 1
-    states = model.states(delay, shown)
+    states = model.states(delay, shown)[:, :shown]
     look: dict[str, Any] = {"color": kit.colour_of(0), "gid": "states"}
     if float(np.sqrt((np.diff(series / model.deviation) ** 2).mean())) < _SMOOTH:
         axes.plot(*states[:_JOINED].T, lw=0.5, alpha=0.8, **look)
@@ -353,7 +358,7 @@ def animate_states(model: AttractorAnalysis, plan: AttractorEstimate | Any, figu
     space, shown = lines["states"].axes, 3 if lines["states"].axes.name == "3d" else 2
     # As in the picture, the delay of a short series is 1.
     fits = len(model.series) > (shown - 1) * plan.delay + 1
-    states = model.states(plan.delay if fits else 1, shown)[: len(times)]
+    states = model.states(plan.delay if fits else 1, shown)[: len(times), :shown]
     samples = np.column_stack([times, values])
     places = ((space, states), (lines["series"].axes, samples))
     return [_stepwise(axes, times[: len(rows)], rows) for axes, rows in places], "t =", "s"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .checks import FEW, WORK, Sample
 from .plan import Measures
 
-__all__ = ["PART", "RANK", "SKIPPED", "exponents", "measures", "window_sizes"]
+__all__ = ["CONSTANT", "DEGENERATE", "PART", "RANK", "SKIPPED", "exponents", "measures", "window_sizes"]
 
 Floats = NDArray[np.float64]
 
@@ -21,8 +21,9 @@ STEPS = 2000
 SKIPPED = 20
 #: Largest number of states for recurrence, and of values for the sample entropy.
 PART = 4000
-#: Relative size of singular values that are 0.
-RANK = 1e-12
+#: Relative size of singular values that are 0, growth of a direction in a step that is 0, and variation relative
+#: to the extent of a series that is 0: smaller ones are due to rounding.
+RANK, DEGENERATE, CONSTANT = 1e-9, 1e-8, 1e-9
 
 
 def exponents(sample: Sample, step: int, neighbours: int, count: int) -> tuple[Floats, Floats]:
@@ -30,7 +31,7 @@ def exponents(sample: Sample, step: int, neighbours: int, count: int) -> tuple[F
 
     The reference states are `step` samples apart. Their neighbours, without equal states, are projected on
     their leading principal directions, and the map is the regression of the projections one step later.
-    The errors are 0 if all references are used. NaN if a neighbourhood is degenerate.
+    The errors are 0 if all references are used. NaN if a map is degenerate.
     """
     states, last = sample.states, len(sample.states) - step
     chain = np.arange(0, last, step)
@@ -53,6 +54,8 @@ def exponents(sample: Sample, step: int, neighbours: int, count: int) -> tuple[F
     for near, frame, ahead in zip(clouds[:-1], frames[:-1], frames[1:], strict=True):
         now, later = (x - x.mean(axis=0) for x in (states[near] @ frame, states[near + step] @ ahead))
         axes, growth = np.linalg.qr(np.linalg.lstsq(now, later, rcond=RANK)[0].T @ axes)
+        if np.abs(np.diag(growth)).min() < DEGENERATE:
+            return np.full((2, count), np.nan)
         logs.append(np.log(np.abs(np.diag(growth))))
     rows = np.array(logs[min(SKIPPED, len(logs) // 10) :])
     means = np.array([part.mean(axis=0) for part in np.array_split(rows, 10)])
@@ -126,7 +129,7 @@ def _memory(values: Floats) -> dict[str, float]:
         ratios = []
         for part in (values[k : k + size] for k in starts):
             sums = np.cumsum(part - part.mean())
-            if np.ptp(part) > 0:
+            if np.ptp(part) > CONSTANT:
                 ratios.append((sums.max() - sums.min()) / part.std())
         i = np.arange(1, size)
         log_gamma = math.lgamma((size - 1) / 2) - math.lgamma(size / 2)
@@ -134,7 +137,8 @@ def _memory(values: Floats) -> dict[str, float]:
         ranges.append(np.log(np.mean(ratios) / expected) if ratios else np.nan)
         parts = np.stack([profile[k : k + size] for k in starts], axis=1)
         slopes, offsets = np.polyfit(np.arange(size), parts, 1)
-        spreads.append(np.log((parts - np.arange(size)[:, None] * slopes - offsets).std()))
+        spread = (parts - np.arange(size)[:, None] * slopes - offsets).std()
+        spreads.append(np.log(spread) if spread > CONSTANT * np.ptp(profile) else np.nan)
     x = np.log(sizes)
     return {
         "hurst": float(np.polyfit(x, ranges, 1)[0]) + 0.5 if np.isfinite(ranges).all() else np.nan,

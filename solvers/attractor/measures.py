@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import Measures
-from ...models.attractor.recomputed import PART, window_sizes
+from ...models.attractor.recomputed import CONSTANT, PART, window_sizes
 from ..contract.backend import Request
 from ..contract.option import Option
 from .embedding import standardised
@@ -60,15 +60,16 @@ def memory(series: Floats) -> dict[str, float]:
     for size in sizes:
         count = len(series) // size
         parts = series[: count * size].reshape(count, size)
-        parts = parts[np.ptp(parts, axis=1) > 0]
+        parts = parts[np.ptp(parts, axis=1) > CONSTANT * np.ptp(series)]
         sums = np.cumsum(parts - parts.mean(axis=1, keepdims=True), axis=1)
         ratios = np.ptp(sums, axis=1) / parts.std(axis=1)
         expected = np.sqrt(size / np.arange(1.0, size) - 1.0).sum() * beta((size - 1) / 2, 0.5) / np.pi
-        ranges.append(ratios.mean() / expected)
+        ranges.append(ratios.mean() / expected if ratios.size else np.nan)
         rows = profile[: count * size].reshape(count, size)
         rows = rows - rows.mean(axis=1, keepdims=True)
         t = np.arange(size) - (size - 1) / 2
-        spreads.append(math.sqrt(((rows - np.outer(rows @ t / (t @ t), t)) ** 2).mean()))
+        spread = math.sqrt(((rows - np.outer(rows @ t / (t @ t), t)) ** 2).mean())
+        spreads.append(spread if spread > CONSTANT * np.ptp(profile) else np.nan)
     x = np.log(sizes) - np.log(sizes).mean()
     slopes = (np.log(y) @ x / (x @ x) for y in (ranges, spreads))
     return dict(zip(("hurst", "fluctuation"), np.add([*slopes], [0.5, 0.0]), strict=True))

@@ -54,6 +54,13 @@ def run_stage(
     return answer
 
 
+#: Backends that analyse one series and refuse models with further coordinates.
+ONE_SERIES = frozenset(
+    {
+        "full-analysis", "surrogates", "mutual-information", "autocorrelation", "c-c", "improved-c-c", "cao",
+        "false-neighbours", "small-data-sets", "g-p",
+    }
+)  # fmt: skip
 #: Options for the embedding.
 EMBEDDING: Mapping[str, Option] = {
     "delay": Option(None, "samples between coordinates; by default from the series", int, lower=1),
@@ -94,15 +101,17 @@ class Finding:
 def embed(problem: AttractorAnalysis, options: Mapping[str, Any]) -> Embedding:
     """Return the embedding of `options` (:data:`EMBEDDING`); missing parts are chosen from the series.
 
-    The delay is the first minimum of the mutual information, the dimension is Cao's. The Theiler window is
-    the larger of the span of a state and the first zero of the autocorrelation. Raise InvalidData if the
-    series is too short.
+    The delay is the first minimum of the mutual information, the dimension is Cao's; with further
+    coordinates, the smallest that yields at least as many values per state. The Theiler window is the larger
+    of the span of a state and the first zero of the autocorrelation. Raise InvalidData if the series is too
+    short.
     """
     from .embedding import cao_dimension, first_minimum
 
     series = problem.series
     delay = options.get("delay") or first_minimum(series)
-    dimension = options.get("dimension") or cao_dimension(series, delay)
+    width = len(problem.coordinates)
+    dimension = options.get("dimension") or -(-cao_dimension(series, delay) // width)
     theiler = options.get("theiler")
     if theiler is None:
         theiler = theiler_window(series, delay, dimension)
@@ -128,12 +137,19 @@ class AttractorBackend(Backend):
     shares_process = True
     options = EMBEDDING
 
+    def refuses(self, problem: AttractorAnalysis) -> str:
+        """Return a reason if the model has further coordinates that the backend would ignore."""
+        if problem.further is None or self.name not in ONE_SERIES:
+            return ""
+        return "further coordinates: it analyses one series. Omit the field further or choose another backend"
+
     @abstractmethod
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
         """Return the result; raise :class:`RunStopped` if a stop is requested before."""
 
     def run(self, problem: AttractorAnalysis, request: Request) -> Answer:
         """Analyse the series and return the estimate, see :meth:`Backend.run`."""
+        self.require_support(problem)
         begin = clock()
         try:
             with np.errstate(all="ignore"):

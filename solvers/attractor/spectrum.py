@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import Spectrum
-from ...models.attractor.recomputed import RANK, SKIPPED
+from ...models.attractor.recomputed import DEGENERATE, RANK, SKIPPED
 from ..contract.backend import Request
 from ..contract.option import Option
-from .native import EMBEDDING, AttractorBackend, Embedding, Finding, Poll, embed, poll_of
+from .native import EMBEDDING, AttractorBackend, Finding, embed, poll_of
 from .neighbour_kernels import nearest_states, order_states
 
 __all__ = ["LyapunovSpectrum", "Tangents", "resolved_directions"]
@@ -59,7 +59,10 @@ class Tangents(NamedTuple):
         return result
 
     def exponents(self, frames: Floats, count: int) -> tuple[Floats, Floats]:
-        """Return `count` exponents in nats per step, the largest first, and their standard errors."""
+        """Return `count` exponents in nats per step, the largest first, and their standard errors.
+
+        NaN if a map is degenerate.
+        """
         axes = np.swapaxes(frames[:, :count], 1, 2)
         now, later = self.states[self.neighbours[:-1]], self.states[self.neighbours[:-1] + self.step]
         now, later = now @ axes[:-1], later @ axes[1:]
@@ -68,6 +71,8 @@ class Tangents(NamedTuple):
         turned, logs = np.eye(count), np.empty((len(maps), count))
         for k, jacobian in enumerate(maps):
             turned, growth = np.linalg.qr(jacobian @ turned)
+            if np.abs(np.diag(growth)).min() < DEGENERATE:
+                return np.full(count, np.nan), np.full(count, np.nan)
             logs[k] = np.log(np.abs(np.diag(growth)))
         logs = logs[min(SKIPPED, len(logs) // 10) :]
         means = np.array([part.mean(axis=0) for part in np.array_split(logs, PARTS)])
@@ -125,6 +130,9 @@ class LyapunovSpectrum(AttractorBackend):
     summary = "all Lyapunov exponents from linear maps of neighbourhoods (Sano and Sawada, Eckmann)"
     options: ClassVar[Mapping[str, Option]] = {
         **EMBEDDING,
+        "step": Option(
+            None, "samples from a state to its image; by default half the delay", int, lower=1
+        ),
         "neighbours": Option(None, "neighbours of a map; by default 3 per unknown", int, lower=2),
         "exponents": Option(
             None, "number of exponents; by default by a test of curvature", int, lower=1, upper=DIRECTIONS
@@ -137,34 +145,35 @@ class LyapunovSpectrum(AttractorBackend):
         states = problem.states(embedding.delay, embedding.dimension)
         width = states.shape[1]
         neighbours = options["neighbours"] or PER_UNKNOWN * (width + 1)
-        resolved = resolved_directions(states, embedding.theiler, embedding.delay)
+        step = options["step"] or (embedding.delay + 1) // 2
+        resolved = resolved_directions(states, embedding.theiler, step)
         poll()
-        result = _fit(states, embedding, neighbours, resolved, options["exponents"])
+        result = _fit(states, embedding.theiler, step, neighbours, resolved, options["exponents"])
         if result is None:
             return Finding(embedding.plan(), {}, "no spectrum: states have too few distinct neighbours")
         values, errors = result
         count = len(values)
         squares, others = errors**2, 0
-        for other, number in _variants(embedding, neighbours, width):
+        for delayed, number in (
+            (embedding.dimension, max(neighbours // 2, width + 2)),
+            (embedding.dimension, 2 * neighbours),
+            (embedding.dimension + 1, neighbours + PER_UNKNOWN * (width // embedding.dimension)),
+        ):
             poll()
-            if len(problem.series) - (other.dimension - 1) * other.delay <= 2 * other.theiler + number:
+            if len(problem.series) <= embedding.delay * delayed + 2 * embedding.theiler + number:
                 continue
-            moved = problem.states(other.delay, other.dimension)
-            variant = _fit(moved, other, number, min(count, moved.shape[1]), count)
+            moved = problem.states(embedding.delay, delayed)
+            variant = _fit(moved, embedding.theiler, step, number, resolved, count)
             if variant is not None and len(variant[0]) == count:
-                rate = embedding.delay / other.delay
-                squares, others = squares + (variant[0] * rate - values) ** 2, others + 1
+                squares, others = squares + (variant[0] - values) ** 2, others + 1
         deviations = np.sqrt(squares)
         resolved = min(resolved, count)
         deviations[resolved:] = np.maximum(deviations[resolved:], np.abs(values[resolved:]))
-        rate = 1.0 / (embedding.delay * problem.period)
+        rate = 1.0 / (step * problem.period)
         spectrum = Spectrum(
-            tuple((values * rate).tolist()), tuple((deviations * rate).tolist()), resolved, neighbours
+            tuple((values * rate).tolist()), tuple((deviations * rate).tolist()), resolved, neighbours, step
         )
-        dimension = spectrum.dimension
         figures = {"resolved directions": resolved, "other fits": others}
-        if dimension is not None:
-            figures["Kaplan-Yorke dimension"] = dimension
         message = ""
         if resolved < count:
             message = (
@@ -174,33 +183,24 @@ class LyapunovSpectrum(AttractorBackend):
         return Finding(embedding.plan(spectrum=spectrum), figures, message)
 
 
-def _variants(embedding: Embedding, neighbours: int, width: int) -> list[tuple[Embedding, int]]:
-    """Return other embeddings and numbers of neighbours: half and twice as many, and one more delayed value."""
-    delay, dimension, theiler = embedding.delay, embedding.dimension, embedding.theiler
-    wider = Embedding(delay, dimension + 1, theiler)
-    return [
-        (embedding, max(neighbours // 2, width + 2)),
-        (embedding, 2 * neighbours),
-        (wider, neighbours + PER_UNKNOWN * (width // dimension)),
-    ]
-
-
 def _fit(
-    states: Floats, embedding: Embedding, neighbours: int, resolved: int, count: int | None
+    states: Floats, theiler: int, step: int, neighbours: int, resolved: int, count: int | None
 ) -> tuple[Floats, Floats] | None:
     """Return the exponents per step and their errors, by default with one direction after the resolved ones.
 
     That direction is kept if its exponent is below the others: then it is transverse to the attractor. If
-    not, it belongs to the embedding alone.
+    not, it belongs to the embedding alone. Directions with degenerate maps are omitted.
     """
-    near = tangents(states, embedding.theiler, embedding.delay, neighbours)
-    if near is None or not (resolved or count):
+    near = tangents(states, theiler, step, neighbours)
+    if near is None:
         return None
-    frames = near.frames
-    wanted = min(count or resolved, states.shape[1])
-    values, errors = near.exponents(frames, wanted)
-    if count is None and wanted < min(states.shape[1], DIRECTIONS):
-        more, wider_errors = near.exponents(frames, wanted + 1)
-        if more.sum() - values.sum() < values[-1]:
-            values, errors = more, wider_errors
-    return (values, errors) if np.isfinite(values).all() else None
+    frames, most = near.frames, min(states.shape[1], DIRECTIONS)
+    for wanted in range(min(count or resolved, most), 0, -1):
+        result = near.exponents(frames, wanted)
+        if np.isfinite(result[0]).all():
+            if count is None and wanted == resolved < most:
+                more = near.exponents(frames, wanted + 1)
+                if more[0].sum() - result[0].sum() < result[0][-1]:
+                    return more
+            return result
+    return None
