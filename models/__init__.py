@@ -145,11 +145,13 @@ if TYPE_CHECKING:
         track as track,
     )
     from .sideslip import (
+        Identification as Identification,
         Recording as Recording,
         SideslipEstimate as SideslipEstimate,
         SideslipEstimation as SideslipEstimation,
         Tyre as Tyre,
         Vehicle as Vehicle,
+        identify as identify,
     )
     from .unknown_grid import (
         Camera as Camera,

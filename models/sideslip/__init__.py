@@ -8,6 +8,7 @@ from ...lazy import attach
 
 if TYPE_CHECKING:
     from .data import Recording as Recording, Tyre as Tyre, Vehicle as Vehicle
+    from .identification import Identification as Identification, identify as identify
     from .model import SideslipEstimation as SideslipEstimation
     from .plan import SideslipEstimate as SideslipEstimate
 
