@@ -54,6 +54,7 @@ MORE = {
         ("", "solvers.optimal_control.sensitivity", "Sensitivity"),
     ],
     "grid_path": [("Prepared maps", "solvers.grid_path.prepared", "PreparedMap PathAnswer")],
+    "sideslip": [("Online estimators", "solvers.sideslip.online", "OnlineFilter OnlineEstimate")],
     "satellite_slew": [
         ("Gyros and attitudes", "models.satellite_slew.gyros", ""),
         ("", "models.satellite_slew.quaternions", ""),

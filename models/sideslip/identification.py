@@ -92,7 +92,8 @@ def identify(
     model : SideslipEstimation
         Model with training drives, the vehicle to start from, its tyre law, disturbance and noise.
     names : sequence of str, optional
-        Fields of :class:`Vehicle`, and :data:`BIASES` of the training drives; by default both
+        Fields of :class:`Vehicle`, and constant errors of the training drives: ``"steering_bias"``,
+        ``"sideslip_bias"``, ``"yaw_rate_bias"`` and ``"lateral_acceleration_bias"``. By default both
         cornering stiffnesses, the yaw inertia and, unless tyres are linear, the friction.
     prior : mapping of str to float, optional
         Relative standard deviations of parameters of the vehicle that are known beforehand, such as

@@ -25,6 +25,7 @@ from ...models.grid_path.model import GridPath
 from ...models.optimal_control.model import OptimalControlProblem
 from ...models.optimal_control.plan import ControlPlan
 from ...models.optimal_control.transcription.base import Transcription
+from ...models.sideslip.model import SideslipEstimation
 from ..contract.backend import Request
 from ..contract.limits import Limits, limits_of
 from ..contract.registry import find_backend
@@ -35,6 +36,7 @@ from ..nlp.casadi_nlp import CasadiNlp
 from ..nlp.ipopt import PUSHES
 from ..programs.attempts import Ended, solver_tolerance
 from ..programs.casadi_plugins import last_line, status_of, vector
+from ..sideslip.online import OnlineFilter, prepare_sideslip
 from .generated import write_step
 from .parametric import Parametric, Point
 from .stages import NotStaged
@@ -47,7 +49,7 @@ Floats = NDArray[np.float64]
 
 #: Ipopt's barrier parameter at a warm start, and the distance of a warm start from its bounds.
 NEAR = 1e-8
-_TAKEN = "prepare takes optimal control problems, flights and grid maps"
+_TAKEN = "prepare takes optimal control problems, flights, grid maps and sideslip models"
 SADDLE = "yet not a minimum: the objective falls along a direction of negative curvature"
 #: Largest difference of objectives of the same point, relative, and absolute in the objective's scale.
 SAME = 1e-6, 1e-9
@@ -292,10 +294,14 @@ def prepare(problem: Flight) -> PreparedFlight: ...
 def prepare(
     problem: GridMap | GridPath, *, weights: ArrayLike | None = None, radius: float = 0.0
 ) -> PreparedMap: ...
+@overload
+def prepare(
+    problem: SideslipEstimation, backend: str = "kalman-filter", *, history: float = 0.0
+) -> OnlineFilter: ...
 def prepare(
     problem: Any,
-    *,
     backend: str = "ipopt",
+    *,
     formulation: str | None = None,
     mesh: Any = None,
     tolerance: float | None = None,
@@ -309,15 +315,17 @@ def prepare(
 
     It serves model-predictive control and parameter studies. The mesh is not refined, and plans are
     verified only on request (``step.verification()``). A flight is prepared for replanning in the air, and a
-    map for many verified shortest paths.
+    map for many verified shortest paths. A sideslip model becomes a filter that follows a drive sample by sample.
 
     Parameters
     ----------
-    problem : OptimalControlProblem, Flight, GridMap or GridPath
+    problem : OptimalControlProblem, Flight, GridMap, GridPath or SideslipEstimation
         Problem with data declared by ``ocp.data(…)``. A flight accepts no options, a map the options
-        ``weights`` and ``radius`` of :class:`~crosstrack.solvers.grid_path.PreparedMap`.
+        ``weights`` and ``radius`` of :class:`~crosstrack.solvers.grid_path.PreparedMap`, a sideslip model the
+        option ``history`` of :class:`~crosstrack.solvers.sideslip.OnlineFilter`.
     backend : str
-        Backend that uses CasADi: ``"ipopt"``, ``"sqpmethod"`` …; see :func:`crosstrack.backends`.
+        Backend that uses CasADi: ``"ipopt"``, ``"sqpmethod"`` …; see :func:`crosstrack.backends`. For
+        a sideslip model ``"kalman-filter"``.
     formulation : str, optional
         Name of the transcription; by default that of the problem.
     mesh : Solution, ControlPlan, Mesh or sequence of float, optional
@@ -339,7 +347,7 @@ def prepare(
 
     Returns
     -------
-    PreparedSolver, ``PreparedFlight`` or :class:`~crosstrack.solvers.grid_path.PreparedMap`
+    PreparedSolver, ``PreparedFlight``, :class:`~crosstrack.solvers.grid_path.PreparedMap` or OnlineFilter
         Solver; ``solver(x0=…, warm=True)`` returns a :class:`Step`.
 
     Raises
@@ -376,6 +384,8 @@ def prepare(
         raise InvalidData(f"{_TAKEN}: {error}", field="problem") from None
     if isinstance(original, Flight):
         return prepare_flight(original, **given)
+    if isinstance(original, SideslipEstimation):
+        return prepare_sideslip(original, **given)
     while not isinstance(model, OptimalControlProblem):
         lowered = model.lower()
         if lowered is None:

@@ -1,5 +1,16 @@
 """Estimators of a vehicle's sideslip angle."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .online import OnlineEstimate as OnlineEstimate, OnlineFilter as OnlineFilter
+
+#: Private names that modules of other problems import.
+SHARED = ("online.prepare_sideslip",)
 BACKENDS = {
     "rts-smoother": ".kalman:RtsSmoother",
     "kalman-filter": ".kalman:KalmanFilter",
@@ -10,3 +21,6 @@ BACKENDS = {
     "linear-regression": ".regression:LinearRegression",
 }
 DIAGNOSES = {"sideslip": ".diagnosis:diagnose_sideslip"}
+
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

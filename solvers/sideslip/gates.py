@@ -198,6 +198,7 @@ def find_contradictions(problem: SideslipEstimation, sideslip: Floats, deviation
         _sums(0.5 * (rate[1:] + rate[:-1]) * steps), _sums(noise), _sums(lacking),
         BIASES[0] ** 2 + (BIASES[1] / speed) ** 2,
         np.ascontiguousarray(np.stack(begins, axis=1), dtype=np.int64), index.copy(), differences,
+        np.empty(6), 0, len(times),
     )  # fmt: skip
     return differences
 
@@ -212,17 +213,22 @@ def gate_path(
     times: Floats, moving: NDArray[np.bool_], angle: Floats, claim: Floats,
     change: Floats, noise: Floats, lacking: Floats, bias: Floats,
     begins: NDArray[np.int64], origin: NDArray[np.int64], differences: Floats,
+    state: Floats, first: int, stop: int,
 ) -> None:  # fmt: skip
     """Fill `differences`, which are zero on entry, with the differences (rad) that are contradictions.
 
     `change`, `noise` and `lacking` are sums up to each sample: the measured change, its variance, and
     the neglected braking term. `bias` is the variance of the bias of the rate before the drive.
     `begins`, shape (n, w), has the first sample of each window. `origin`, the starting point of each
-    sample's reference, is the sample itself on entry and is changed.
+    sample's reference, is the sample itself on entry and is changed. Samples `first` … `stop` - 1 are
+    compared; `state`, shape (6,), is that of the gate after the last of them, and on entry unless `first` is 0.
     """
     limit = THRESHOLD * THRESHOLD
     opened, rate, variance, last, start, doubt = False, 0.0, math.inf, -1, 0, -math.inf
-    for k in range(len(times)):
+    if first > 0:
+        opened, rate, variance, doubt = state[0] != 0.0, state[1], state[2], state[5]
+        last, start = int(state[3]), int(state[4])
+    for k in range(first, stop):
         if not moving[k]:
             last, opened = -1, False
             continue
@@ -273,6 +279,8 @@ def gate_path(
             rate += gain * (seen - rate)
             variance = max(variance * (1.0 - gain), LEAST_BIAS * LEAST_BIAS)
             last = k
+    state[0], state[1], state[2] = 1.0 if opened else 0.0, rate, variance
+    state[3], state[4], state[5] = last, start, doubt
 
 
 # -- the range of the training drives ----------------------------------------------------------------

@@ -42,7 +42,7 @@ def keep(
 @kernel(interpretable=True)
 def filter_path(
     times: Floats, speed: Floats, steering: Floats, data: Floats, usable: NDArray[np.bool_],
-    p: Floats, noise: Floats, initial: Floats, most: float,
+    p: Floats, noise: Floats, start: Floats, initial: Floats, most: float,
     predicted: Floats, spread: Floats, filtered: Floats, filtered_spread: Floats,
     innovations: Floats, innovation_spread: Floats,
     step: Floats, shift: Floats, slope: Floats, level: Floats, flag: NDArray[np.int8],
@@ -51,14 +51,14 @@ def filter_path(
 
     Measurements `data`, shape (n, 2), of `usable` samples are linearised about the predicted state,
     transitions about the filtered state. `noise` are the variances of the disturbances per second and of
-    the measurements, and `initial` the state before the first sample and its variances. At an angle
-    variance above `most` the filter restarts from `initial`; the transition matrix is then zero. The
-    arrays from `predicted` to `level` are output: states and innovations, shape (n, 2), their
+    the measurements, and `start` is the state before the first sample and its covariance a, b, c. At an
+    angle variance above `most` the filter restarts from the state `initial` and its variances; the transition matrix
+    is then zero. The arrays from `predicted` to `level` are output: states and innovations, shape (n, 2), their
     covariances, shape (n, 2, 2), and the linearised model.
     """
     n = len(times)
-    x, y = initial[0], initial[1]
-    a, b, c = initial[2], 0.0, initial[3]
+    x, y = start[0], start[1]
+    a, b, c = start[2], start[3], start[4]
     lost = 0
     for k in range(n):
         if k % _SAMPLES == 0 and flag[0] != 0:

@@ -37,6 +37,7 @@ MEMORY = 2.0
 #: friction or stiffness; a relative error of opposite sign at front and rear; and the biases of yaw rate (rad/s)
 #: and lateral acceleration (m/s²).
 ERRORS = frozen(np.array([0.3, 0.3, 0.02, 0.5]))
+PRECISIONS = frozen(ERRORS**-2.0)
 
 
 class Mismatch(NamedTuple):
@@ -79,7 +80,7 @@ def mismatch(
             filter_pass.model.step,
             filter_pass.model.slope,
         ),
-        *(marks, terms),
+        *(np.zeros((2, count)), marks, terms, np.empty((2, count))),
     )
     marks = np.where(np.isfinite(marks), marks, 0.0)
     terms = np.where(np.isfinite(terms), terms, 0.0)
@@ -89,31 +90,50 @@ def mismatch(
         later = np.empty_like(terms)
         fade(-drive.times[::-1], terms[::-1].copy(), later)
         sums += later[::-1] - terms
-    fit, weight = sums[:, :count], sums[:, count : 2 * count]
-    size = fit / (weight + ERRORS**-2.0)
-    gain = size * fit  # reduction of χ² by each error
-    scale = np.maximum((sums[:, -2] - gain.max(axis=1)) / np.maximum(sums[:, -1], 1.0), 1.0)
-    noise = np.minimum(scale[:, None] / np.maximum(gain, 1e-300), 1.0)
-    return Mismatch(scale, np.sqrt(((marks * size) ** 2 * (1.0 - noise)).sum(axis=1)))
+    result = Mismatch(np.empty(n), np.empty(n))
+    fit_errors(marks, sums, *result)
+    return result
+
+
+@kernel(interpretable=True)
+def fit_errors(marks: Floats, sums: Floats, scale: Floats, error: Floats) -> None:
+    """Fill in the fields of the :class:`Mismatch`: `marks` of :func:`leave_marks`, and faded `sums` of its terms."""
+    n, count = marks.shape
+    for k in range(n):
+        most = 0.0
+        for j in range(count):
+            size = sums[k, j] / (sums[k, count + j] + PRECISIONS[j])
+            most = max(most, size * sums[k, j])  # reduction of χ² by each error
+        rest = max((sums[k, 2 * count] - most) / max(sums[k, 2 * count + 1], 1.0), 1.0)
+        total = 0.0
+        for j in range(count):
+            size = sums[k, j] / (sums[k, count + j] + PRECISIONS[j])
+            noise = min(rest / max(size * sums[k, j], 1e-300), 1.0)
+            total += marks[k, j] * size * (marks[k, j] * size) * (1.0 - noise)
+        scale[k], error[k] = rest, math.sqrt(total)
 
 
 @kernel(interpretable=True)
 def leave_marks(
     times: Floats, speed: Floats, steering: Floats, usable: NDArray[np.bool_], p: Floats,
     noise: Floats, predicted: Floats, filtered: Floats, covariance: Floats,
-    innovations: Floats, spread: Floats, step: Floats, slope: Floats, marks: Floats, terms: Floats,
+    innovations: Floats, spread: Floats, step: Floats, slope: Floats,
+    start: Floats, marks: Floats, terms: Floats, last: Floats,
 ) -> None:  # fmt: skip
     """Propagate the effect of model errors on the state and the innovations of a filter.
 
     `noise` are the variances of the disturbances per second and of the measurements; the arrays from
-    `predicted` to `slope` are fields of the :class:`FilterPass` and its model. Output: `marks`, shape
+    `predicted` to `slope` are fields of the :class:`FilterPass` and its model. `start`, shape (2, 4), is the effect
+    on angle and yaw rate before the first sample, and `last` is that after the last one. Output: `marks`, shape
     (n, 4), true minus filtered angle (rad) for each error of size 1, and `terms`, shape (n, 10). These
     are for each error the normalised product of innovations and their predicted change, then for each
     error the normalised square of that change. The last two columns are the normalised square of the
     innovations and their number.
     """
     n, count = marks.shape
-    x, y = np.zeros(count), np.zeros(count)
+    x, y = last[0], last[1]
+    for j in range(count):
+        x[j], y[j] = start[0, j], start[1, j]
     for k in range(n):
         v = max(speed[k], LOW_SPEED)
         g, h = slope[k, 1, 0], slope[k, 1, 1]

@@ -65,6 +65,11 @@ def measurements(drive: Recording) -> Floats:
     return np.column_stack([drive.yaw_rate, drive.lateral_acceleration])
 
 
+def largest_variance(problem: SideslipEstimation) -> float:
+    """Return the variance of the angle (rad²) at which the filter restarts."""
+    return float((_LOST * max(UNKNOWN, problem.initial_deviation[0])) ** 2)
+
+
 def filter_drive(problem: SideslipEstimation, control: Control | None = None) -> FilterPass | None:
     """Run the (extended) Kalman filter over the drive; return None if the flag of `control` stopped it.
 
@@ -77,12 +82,12 @@ def filter_drive(problem: SideslipEstimation, control: Control | None = None) ->
     before, after, between = (np.empty((n, 2, 2)) for _ in range(3))
     model = Linearised.empty(n)
     deviation = problem.initial_deviation
+    initial = np.concatenate([problem.initial, deviation**2])
     lost = filter_path(
         *(drive.times, drive.speed, drive.steering),
         *(measurements(drive), drive.moving),
         *(parameters(problem.vehicle), noise_variances(problem)),
-        np.concatenate([problem.initial, deviation**2]),
-        (_LOST * max(UNKNOWN, float(deviation[0]))) ** 2,
+        *(np.insert(initial, 3, 0.0), initial, largest_variance(problem)),
         *(predicted, before, filtered, after, innovations, between, *model),
         np.zeros(1, np.int8) if control is None else control.flag,
     )

@@ -294,5 +294,6 @@ def test_kernels_mean_the_same_interpreted(
     monkeypatch.setattr(passes, "smooth_path", kalman_kernels.smooth_path.py_func)
     monkeypatch.setattr(mismatches, "leave_marks", mismatches.leave_marks.py_func)
     monkeypatch.setattr(mismatches, "fade", mismatches.fade.py_func)
+    monkeypatch.setattr(mismatches, "fit_errors", mismatches.fit_errors.py_func)
     for mine, other in zip(everything(), compiled, strict=True):
         np.testing.assert_allclose(mine, other, rtol=1e-9, atol=1e-12)

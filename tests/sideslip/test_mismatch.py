@@ -141,7 +141,7 @@ def left(problem: SideslipEstimation, found: FilterPass) -> tuple[Floats, Floats
         mismatches.parameters(problem.vehicle),
         *(mismatches.noise_variances(problem), found.predicted, found.filtered),
         *(found.filtered_covariance, found.innovations, found.innovation_covariance),
-        *(found.model.step, found.model.slope, marks, terms),
+        *(found.model.step, found.model.slope, np.zeros((2, 4)), marks, terms, np.empty((2, 4))),
     )
     return marks, terms
 

@@ -1,0 +1,259 @@
+"""Estimators that follow a drive sample by sample, created by :func:`crosstrack.prepare`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import jit
+from ...errors import InvalidData, UnsupportedOption
+from ...models.fields import Real, show
+from ...models.sideslip.data import MOST_GAP
+from ...models.sideslip.dynamics import parameters
+from ...models.sideslip.model import SideslipEstimation
+from .gates import WINDOWS
+from .mismatch import ERRORS
+from .online_kernels import Pair, Track, kalman_sample
+from .passes import largest_variance, noise_variances
+
+__all__ = ["OnlineEstimate", "OnlineFilter", "prepare_sideslip"]
+
+Floats = NDArray[np.float64]
+
+#: Samples that the gate keeps at first; the number doubles if the longest window has more.
+_ROOM = 4096
+#: Largest values of speed (m/s), steering angle (rad), yaw rate (rad/s) and acceleration (m/s²), as in a recording.
+_LARGEST = (1000.0, 0.5 * math.pi, 100.0, 1000.0)
+_ERRORS, _TERMS = (2, len(ERRORS)), (2, 2 * len(ERRORS) + 2)
+#: Shapes of the fields of a :class:`Pair` up to `error`.
+_SHAPES: tuple[Any, ...] = (
+    2, 2, 2, (2, 2), 4, 5, (2, 2), (2, 2, 2), (2, 2), (2, 2, 2), (2, 2), (2, 2, 2), (1, 2, 2), (1, 2),
+    (2, 2, 2), (2, 2), _ERRORS, _ERRORS, _TERMS, _ERRORS, _TERMS, 2, 2,
+)  # fmt: skip
+_NAMES = ("speed", "steering", "yaw_rate", "lateral_acceleration")
+
+
+class OnlineEstimate(NamedTuple):
+    """Estimate at the newest sample.
+
+    Parameters
+    ----------
+    sideslip, deviation : float
+        Angle and its standard deviation, rad.
+    contradiction : float
+        Difference from kinematics (rad) that widens the deviation; 0 without a contradiction.
+    """
+
+    sideslip: float
+    deviation: float
+    contradiction: float
+
+
+class OnlineFilter:
+    """Kalman filter that follows a drive sample by sample; created by :func:`crosstrack.prepare`.
+
+    Angle, covariance and deviation equal those of the backend ``kalman-filter`` on the same samples. The
+    object can be pickled at any time.
+
+    Parameters
+    ----------
+    model : SideslipEstimation
+        Vehicle, noise and initial state. Its recording is not read.
+    history : float, default 0
+        Seconds by which a sample may be late. The filter then runs again over the samples since, which
+        takes as long as they took. With 0 late samples are refused.
+
+    Raises
+    ------
+    InvalidData
+        The history is negative or not finite.
+    """
+
+    def __init__(self, model: SideslipEstimation, history: float = 0.0) -> None:
+        self._history = Real(0.0).coerce("history", history, {})
+        jit.compile_always()
+        initial = np.concatenate([model.initial, model.initial_deviation**2])
+        self._most = largest_variance(model)
+        self._constants = parameters(model.vehicle), noise_variances(model), initial
+        self.reset()
+        self.update((0.0, 10.0, 0.0, 0.0, 0.0))  # loads the compiled code
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all samples: the next one is the first of a drive."""
+        vehicle, noise, initial = self._constants
+        arrays: list[Any] = [*map(np.zeros, _SHAPES), np.zeros(2, bool), np.zeros(1, np.int8)]
+        self._pair = Pair._make([*arrays, vehicle, noise, initial])
+        row, places = np.zeros((_ROOM, 10)), np.zeros((_ROOM, 1 + len(WINDOWS)), int)
+        columns: list[Any] = [column.copy() for column in row.T]
+        columns[1:1] = [np.zeros(_ROOM, bool)]
+        columns[8:8] = [places[:, 1:].copy(), places[:, 0].copy()]
+        counts = np.zeros(2 + len(WINDOWS), int)
+        self._track = Track._make(
+            [*columns, np.zeros(_ROOM), np.zeros(6), counts, noise[[2, 3, 0]]]
+        )
+        self._time, self._inputs = -math.inf, (math.nan, math.nan)
+        self._samples: list[tuple[float, ...]] = []
+        self._saved: list[tuple[Any, ...]] = [self._snapshot()] * 2 if self._history else []
+
+    @property
+    def state(self) -> Floats:
+        """Angle (rad) and yaw rate (rad/s) at the newest sample, shape (2,)."""
+        return np.array(self._pair.filtered[1])
+
+    @property
+    def covariance(self) -> Floats:
+        """Covariance of :attr:`state` by the model, shape (2, 2), before :attr:`OnlineEstimate.deviation` is widened."""
+        return np.array(self._pair.covariance[1])
+
+    def update(self, sample: Sequence[float]) -> OnlineEstimate:
+        """Return the estimate after a further sample.
+
+        Parameters
+        ----------
+        sample : sequence of float
+            Time (s), speed (m/s), steering angle (rad), yaw rate (rad/s) and lateral acceleration (m/s²), as
+            in a :class:`~crosstrack.models.sideslip.Recording`. NaN marks a missing value: the filter
+            uses the other measurement or only predicts, and keeps the last speed and steering angle.
+            After more than 2 s without a sample it starts again.
+
+        Returns
+        -------
+        OnlineEstimate
+            Angle and deviation at the newest time, which is not that of a late sample.
+
+        Raises
+        ------
+        InvalidData
+            A value is out of range, the first sample has no speed or steering angle, or the sample is
+            later than `history` or has the time of another one. The filter is unchanged.
+        """
+        time, speed, steering, yaw_rate, acceleration = values = self._checked(sample)
+        if not time > self._time:
+            return self._insert(values)
+        last = self._time
+        if speed != speed or steering != steering:
+            speed = self._inputs[0] if speed != speed else speed
+            steering = self._inputs[1] if steering != steering else steering
+            if speed != speed or steering != steering:
+                raise InvalidData(
+                    "speed and steering must be known at the first sample", field="speed"
+                )
+        first = not time - last <= MOST_GAP
+        if first and last > -math.inf:
+            self._track.counts[:2] = self._track.counts[0]  # no window spans the gap
+        if self._track.counts[0] == len(self._track.times):
+            self._track = _compacted(self._track)
+        if self._history:
+            if time - self._saved[1][0] >= self._history:
+                self._saved = [self._saved[1], self._snapshot()]
+                self._samples = [entry for entry in self._samples if entry[0] > self._saved[0][0]]
+            self._samples.append(values)
+        self._time, self._inputs = time, (speed, steering)
+        found = kalman_sample(
+            first,
+            time,
+            speed,
+            steering,
+            yaw_rate,
+            acceleration,
+            self._most,
+            self._pair,
+            self._track,
+        )
+        return OnlineEstimate(*found)
+
+    def _checked(self, sample: Sequence[float]) -> tuple[float, float, float, float, float]:
+        """Return the values of a sample, or raise if one is out of range."""
+        try:
+            time, u, d, w, a = map(float, sample)
+        except (TypeError, ValueError):
+            raise InvalidData(
+                f"sample must be time, {', '.join(_NAMES)}, got {show(sample)}", field="sample"
+            ) from None
+        if not abs(time) < math.inf:
+            raise InvalidData(f"time must be finite, got {time:g}", field="time")
+        high, right, fast, strong = _LARGEST
+        if u < 0.0 or u > high or abs(d) > right or abs(w) > fast or abs(a) > strong:
+            for name, value, most in zip(_NAMES, (u, d, w, a), _LARGEST, strict=True):
+                least = 0.0 if name == "speed" else -most
+                if not (least <= value <= most or value != value):
+                    raise InvalidData(
+                        f"{name} must be {least:.5g} … {most:.5g}, got {value:g}", field=name
+                    )
+        return time, u, d, w, a
+
+    def _insert(self, late: tuple[float, ...]) -> OnlineEstimate:
+        """Return the estimate at the newest time after a late sample, by running again from before it."""
+        oldest = self._saved[0][0] if self._saved else math.inf
+        times = [entry[0] for entry in self._samples]
+        if not late[0] > oldest or late[0] in times:
+            raise InvalidData(
+                f"time must rise, got {late[0]:.9g} s after {self._time:.9g} s: history={self._history:g} s "
+                "bounds how late a sample may be, and times must differ",
+                field="time",
+            )
+        former = self._snapshot(), self._samples, self._saved
+        samples = sorted([*self._samples, late])
+        try:
+            self._restore(self._saved[0])
+            self._samples, self._saved = [], [self._saved[0]] * 2
+            for entry in samples:
+                result = self.update(entry)
+        except InvalidData:
+            self._restore(former[0])
+            self._samples, self._saved = former[1:]
+            raise
+        return result
+
+    def _snapshot(self) -> tuple[Any, ...]:
+        """Return a copy of the state. Rows of the track before its count never change."""
+        track = self._track._replace(
+            state=self._track.state.copy(), counts=self._track.counts.copy()
+        )
+        return self._time, self._inputs, Pair(*(array.copy() for array in self._pair)), track
+
+    def _restore(self, snapshot: tuple[Any, ...]) -> None:
+        self._time, self._inputs, self._pair, self._track = snapshot
+        self._time, self._inputs, self._pair, self._track = self._snapshot()
+
+    def __repr__(self) -> str:
+        return f"<OnlineFilter kalman-filter at {self._time:g} s>"
+
+
+def _compacted(track: Track) -> Track:
+    """Return the track without the samples that no later window or reference needs."""
+    count = int(track.counts[0])
+    recent = np.arange(track.counts[2:].min(), count)
+    last = track.state[3:4].astype(int)
+    rows = np.unique(np.concatenate([recent, track.origin[recent], last[last >= 0]]))
+    room = len(track.times) * (2 if len(rows) > len(track.times) // 2 else 1)
+    moved: list[Any] = []
+    for array in track[:-3]:
+        moved.append(np.zeros((room, *array.shape[1:]), array.dtype))
+        moved[-1][: len(rows)] = array[rows]
+    state, counts = track.state.copy(), np.searchsorted(rows, track.counts)
+    state[3:5] = np.where(state[3:5] < 0, state[3:5], np.searchsorted(rows, state[3:5]))
+    result = Track._make([*moved, state, counts, track.sensors])
+    result.origin[: len(rows)] = np.searchsorted(rows, track.origin[rows])
+    return result
+
+
+def prepare_sideslip(
+    model: SideslipEstimation, backend: str = "kalman-filter", history: float = 0.0, **options: Any
+) -> OnlineFilter:
+    """Prepare a filter that follows a drive; refuse other backends and options."""
+    if options:
+        raise UnsupportedOption(
+            f"prepare accepts the option history for a sideslip model, got {', '.join(options)}"
+        )
+    if backend != "kalman-filter":
+        raise UnsupportedOption(
+            f"prepare takes the backend 'kalman-filter' for a sideslip model, got {show(backend)}: others "
+            "use later samples, solve programs or learn"
+        )
+    return OnlineFilter(model, history)

@@ -1,0 +1,151 @@
+"""Kernels of the online estimators: one sample at a time, with the kernels of the offline pass."""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import kernel
+from ...models.sideslip.data import LOW_SPEED, UNKNOWN
+from .gates import BIASES, WINDOWS, gate_path
+from .kalman_kernels import filter_path
+from .mismatch import MEMORY, fit_errors, leave_marks
+
+__all__ = ["Pair", "Track", "gate_sample", "kalman_sample"]
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+#: Variance of a measurement that is missing.
+_MISSING = 1e30
+
+
+#: Arguments of the filter's kernels for two samples, the one before and the new one.
+Pair = namedtuple(
+    "Pair",
+    "times speed steering data noise start predicted spread filtered covariance innovations innovation_spread step "
+    "shift slope level before marks terms after sums scale error usable flag vehicle declared initial",
+)
+#: Arguments of :func:`~crosstrack.solvers.sideslip.gates.gate_path` for the samples since the longest window began.
+#: `counts` has the number of samples, the first one after the last halt, and the first one of each window; `sensors`
+#: the variances of yaw rate, acceleration and disturbance of the angle per second.
+Track = namedtuple(
+    "Track",
+    "times moving angle claim change noise lacking bias begins origin differences rate variance size state counts "
+    "sensors",
+)
+
+
+@kernel
+def kalman_sample(
+    first: bool, time: float, speed: float, steering: float, yaw_rate: float, acceleration: float,
+    most: float, pair: Pair, track: Track,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Return angle and deviation (rad) at a new sample, and its contradiction by kinematics (rad).
+
+    Measurements are NaN if they are missing. `first` starts the filter. The arrays of `pair` and
+    `track` are updated.
+    """
+    pair.times[0], pair.speed[0], pair.steering[0] = pair.times[1], pair.speed[1], pair.steering[1]
+    pair.start[0], pair.start[1] = pair.filtered[1, 0], pair.filtered[1, 1]
+    spread = pair.covariance[1]
+    pair.start[2], pair.start[3], pair.start[4] = spread[0, 0], spread[0, 1], spread[1, 1]
+    if first:
+        pair.times[0], pair.speed[0], pair.steering[0] = time, speed, steering
+        pair.start[0], pair.start[1] = pair.initial[0], pair.initial[1]
+        pair.start[2], pair.start[3], pair.start[4] = pair.initial[2], 0.0, pair.initial[3]
+        pair.sums[:] = 0.0
+        pair.after[:] = 0.0
+    pair.times[1], pair.speed[1], pair.steering[1] = time, speed, steering
+    count = 0.0
+    for j in range(2):
+        value = yaw_rate if j == 0 else acceleration
+        known = not math.isnan(value)
+        count += 1.0 if known else 0.0
+        pair.data[1, j] = value if known else 0.0
+        pair.noise[2 + j] = pair.declared[2 + j] if known else _MISSING
+        pair.noise[j] = pair.declared[j]
+    moving = speed >= LOW_SPEED
+    pair.usable[0], pair.usable[1] = False, moving and count > 0.0
+    filter_path(
+        pair.times, pair.speed, pair.steering, pair.data, pair.usable, pair.vehicle, pair.noise,
+        pair.start, pair.initial, most, pair.predicted, pair.spread, pair.filtered, pair.covariance,
+        pair.innovations, pair.innovation_spread, pair.step, pair.shift, pair.slope, pair.level,
+        pair.flag,
+    )  # fmt: skip
+    pair.before[:] = pair.after
+    leave_marks(
+        pair.times, pair.speed, pair.steering, pair.usable, pair.vehicle, pair.noise,
+        pair.predicted, pair.filtered, pair.covariance, pair.innovations, pair.innovation_spread,
+        pair.step, pair.slope, pair.before, pair.marks, pair.terms, pair.after,
+    )  # fmt: skip
+    share = math.exp((pair.times[0] - time) / MEMORY)
+    terms, sums, marks = pair.terms[1], pair.sums[1], pair.marks[1]
+    terms[len(terms) - 1] = count if pair.usable[1] else 0.0
+    for j in range(len(terms)):
+        sums[j] = (terms[j] if abs(terms[j]) < math.inf else 0.0) + share * sums[j]
+    for j in range(len(marks)):
+        marks[j] = marks[j] if abs(marks[j]) < math.inf else 0.0
+    fit_errors(pair.marks, pair.sums, pair.scale, pair.error)
+    variance = pair.scale[1] * max(pair.covariance[1, 0, 0], 0.0) + pair.error[1] * pair.error[1]
+    return gate_sample(
+        time, speed, yaw_rate, acceleration, pair.filtered[1, 0], math.sqrt(variance), track
+    )
+
+
+@kernel
+def gate_sample(
+    time: float, speed: float, yaw_rate: float, acceleration: float, angle: float, claim: float,
+    track: Track,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Return the angle of a filter at a new sample, its deviation after the kinematic gate, and the contradiction (rad).
+
+    Samples without both measurements are treated as halts: windows do not contain them.
+    """
+    if abs(angle) < math.inf and claim < math.inf:
+        angle, claim = min(max(angle, -0.5 * math.pi), 0.5 * math.pi), min(claim, UNKNOWN)
+    else:
+        angle, claim = 0.0, UNKNOWN
+    counts, sensors = track.counts, track.sensors
+    k = counts[0]
+    rate = acceleration / speed - yaw_rate
+    moving = speed >= LOW_SPEED and not math.isnan(rate)
+    inverse = 1.0 / speed if moving else 0.0
+    if not moving:
+        rate = 0.0 if math.isnan(yaw_rate) else -yaw_rate
+    track.times[k], track.moving[k], track.angle[k], track.claim[k] = time, moving, angle, claim
+    track.rate[k] = rate
+    track.variance[k] = sensors[0] + sensors[1] * inverse * inverse
+    track.size[k] = math.log(speed) if moving else 0.0
+    track.bias[k] = BIASES[0] * BIASES[0] + BIASES[1] * inverse * (BIASES[1] * inverse)
+    track.change[k] = track.noise[k] = track.lacking[k] = track.differences[k] = 0.0
+    track.origin[k] = k
+    if k:
+        dt, j = time - track.times[k - 1], k - 1
+        track.change[k] = track.change[j] + 0.5 * (rate + track.rate[j]) * dt
+        noise = 0.5 * (track.variance[k] + track.variance[j]) * (dt * dt) + sensors[2] * dt
+        bend = (rate - track.rate[j]) * dt
+        track.noise[k] = track.noise[j] + (noise + bend * bend / 12.0)
+        braking = abs(track.size[k] - track.size[j])
+        track.lacking[k] = track.lacking[j] + braking * 0.5 * abs(angle + track.angle[j])
+    if not moving:
+        counts[1] = k + 1
+    for j in range(len(WINDOWS)):
+        begin = time - WINDOWS[j] * (1 + 1e-9)
+        while track.times[counts[2 + j]] < begin:
+            counts[2 + j] += 1
+        track.begins[k, j] = counts[2 + j] if counts[2 + j] >= counts[1] else k
+    gate_path(
+        track.times, track.moving, track.angle, track.claim, track.change, track.noise,
+        track.lacking, track.bias, track.begins, track.origin, track.differences, track.state,
+        k, k + 1,
+    )  # fmt: skip
+    counts[0] = k + 1
+    apart = track.differences[k]
+    deviation = claim
+    if apart != 0.0:
+        deviation = min(math.sqrt(claim * claim + apart * apart), math.hypot(UNKNOWN, angle))
+    return angle, deviation if speed >= LOW_SPEED else UNKNOWN, apart
