@@ -42,11 +42,14 @@ _POCKET = (
     "....@@@@@@@@...",
     "...............",
 )
+#: Corridor of one cell, and the tracks of two obstacles that cross it.
+_CORRIDOR = (".........", "@@@...@@@", "S........", "@@@...@@@", "........T")
+_TRACKS = [[[[row, 3] for row in range(5)], [[row, 5] for row in range(4, -1, -1)]]]
 
 
 def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     """Return the catalogue entries of unknown grids."""
-    rows = (*_tasks(), *_laws(), *_wild())
+    rows = (*_tasks(), *_laws(), *_aspects(), *_wild())
     return listed("unknown-grid", "unknown-grid", PAPER, rows, note=_OURS)
 
 
@@ -83,12 +86,41 @@ def _laws() -> list[Row]:
     ]
 
 
+def _aspects() -> list[Row]:
+    """Return one row per aspect of a model, and one with all of them."""
+    drawn = partial(
+        draw_scenes, SceneLaw.MIXED, obstacles=4, scenes=FEW, view=(9, 9), steps=80, uav="follow"
+    )
+    noise = {"false_obstacles": 0.05, "missed_obstacles": 0.1}
+    aspects: dict[str, tuple[str, dict[str, Any]]] = {
+        "eight-neighbours": ("diagonal steps past free corners", {"connectivity": "8"}),
+        "corners": ("diagonal steps past any corner", {"connectivity": "8", "corners": "any"}),
+        "occlusion": ("only cells in line of sight in view", {"occlusion": True}),
+        "noise": ("wrong readings of 5 % of free and 10 % of blocked cells", noise),
+        "moving": ("6 obstacles that walk at random", {"moving": 6}),
+        "search": ("an unknown target", {"target_known": False, "view": (5, 5), "steps": 200}),
+    }
+    everything = {key: value for _, fields in aspects.values() for key, value in fields.items()}
+    aspects["all-aspects"] = ("all aspects at once", {**everything, "corners": "free"})
+    return [
+        Row(name, f"{title}, 17 × 17 cells", partial(drawn, **fields), _DRAWN)
+        for name, (title, fields) in aspects.items()
+    ]
+
+
 def _wild() -> list[Row]:
     images = partial(draw_scenes, SceneLaw.MIXED, obstacles=4, scenes=FEW, seed=1)
     return [
         Row(
             "u-trap", "a pocket deeper than the view between start and target",
             partial(UnknownGridNavigation.drawn, _POCKET, view=(5, 5), steps=100), provenance=Provenance.OURS,
+        ),
+        Row(
+            "crossing", "two obstacles that move to and fro across a corridor",
+            partial(
+                UnknownGridNavigation.drawn, _CORRIDOR, view=(5, 5), uav="follow", moving=2, tracks=_TRACKS
+            ),
+            provenance=Provenance.OURS,
         ),
         Row("maze", "a maze of 33 × 33 cells", partial(maze, 33, 33, 1, uav="follow")),
         Row(

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from .camera import Camera as Camera, Rendering as Rendering
     from .model import UnknownGridNavigation as UnknownGridNavigation
     from .plan import NavigationRuns as NavigationRuns, Outcome as Outcome
-    from .scenes import Hover as Hover
+    from .scenes import Aspect as Aspect, Corners as Corners, Hover as Hover
     from .world import World as World
 
 MODELS = {"unknown-grid": ".model:UnknownGridNavigation"}

@@ -7,7 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.unknown_grid.checks import has_way
 from ...models.unknown_grid.model import UnknownGridNavigation
+from ...models.unknown_grid.scenes import Corners
 from ..run.diagnosis import Diagnosis, Finding
 
 __all__ = ["diagnose_unknown_grid", "opening"]
@@ -41,11 +43,20 @@ def diagnose_unknown_grid(
         A summary, and one finding per scene whose target is too far or enclosed.
     """
     fewest = model.fewest_steps()
-    closed = np.flatnonzero(np.isinf(fewest)).tolist()
+    ends = zip(model.blocked, model.starts.tolist(), model.targets.tolist(), strict=True)
+    ways = np.array(
+        [has_way(cells, (a, b), (c, d), model.corners) for cells, (a, b), (c, d) in ends]
+    )
+    closed = np.flatnonzero(~ways).tolist()
+    late = np.flatnonzero(ways & np.isinf(fewest)).tolist()
     far = np.flatnonzero(np.isfinite(fewest) & (fewest > model.steps))
     far = far[np.argsort(fewest[far], kind="stable")]
     enclosed = sorted((_enclosed(model, k) for k in closed), key=_obstacles)
-    findings = (*(_distant(model, k, int(fewest[k])) for k in far.tolist()), *enclosed)
+    findings = (
+        *(_distant(model, k, int(fewest[k])) for k in far.tolist()),
+        *(_late(model, k) for k in late),
+        *enclosed,
+    )
     within = fewest[fewest <= model.steps]
     limits = "" if not within.size else f", in {_range(within)} of {model.steps} steps"
     if model.scenes == 1:
@@ -60,22 +71,23 @@ def diagnose_unknown_grid(
         which = "all" if within.size == model.scenes else f"{within.size} of"
         text = f"the target can be reached in {which} {model.scenes} scenes{limits}"
         text += f"; {len(closed)} without a way" if closed else ""
-        text += f"; {len(far)} with a way that is too long" if len(far) else ""
+        too_long = len(far) + len(late)
+        text += f"; {too_long} with a way that is too long" if too_long else ""
     summary = f"a plan exists, for a run may say that there is no way; {text}"
     return Diagnosis(model.name, True, _METHOD, summary, findings)
 
 
-def opening(blocked: Truths, start: Ints, target: Ints) -> Ints:
+def opening(blocked: Truths, start: Ints, target: Ints, diagonal: bool = False) -> Ints:
     """Return a smallest set of obstacles whose removal opens a path, in the order from the start, shape (n, 2).
 
     The nodes of the search graph are the connected parts of free cells and the single obstacles. An edge
-    into an obstacle costs 1. The result is empty if a path exists.
+    into an obstacle costs 1. The result is empty if a path exists. If `diagonal`, paths may pass any corner.
     """
     from scipy.ndimage import label
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 
-    parts, count = label(~blocked)
+    parts, count = label(~blocked, np.ones((3, 3)) if diagonal else None)
     # Nodes 1 … count are parts, larger numbers are obstacles.
     nodes = parts.astype(np.int64)
     walls = np.argwhere(blocked)
@@ -85,6 +97,11 @@ def opening(blocked: Truths, start: Ints, target: Ints) -> Ints:
         [
             np.column_stack([nodes[:-1].ravel(), nodes[1:].ravel()]),
             np.column_stack([nodes[:, :-1].ravel(), nodes[:, 1:].ravel()]),
+            *[
+                np.column_stack([nodes[:-1, first].ravel(), nodes[1:, last].ravel()])
+                for first, last in ((slice(-1), slice(1, None)), (slice(1, None), slice(-1)))
+                if diagonal
+            ],
         ]
     )
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
@@ -111,12 +128,21 @@ def _distant(model: UnknownGridNavigation, scene: int, steps: int) -> Finding:
     return Finding(text, "", f"scene {scene}", {"scene": scene, "steps": steps})
 
 
+def _late(model: UnknownGridNavigation, scene: int) -> Finding:
+    text = (
+        f"{_scene(model, scene)}the target cannot be reached past the moving obstacles in the {model.steps} "
+        "steps that are allowed"
+    )
+    return Finding(text, "", f"scene {scene}", {"scene": scene})
+
+
 def _enclosed(model: UnknownGridNavigation, scene: int) -> Finding:
     """Return a finding that names the enclosed end, its obstacles and an opening."""
     from scipy.ndimage import binary_dilation, label
 
     blocked, start, target = model.blocked[scene], model.starts[scene], model.targets[scene]
-    parts, _ = label(~blocked)
+    diagonal = model.corners is Corners.ANY
+    parts, _ = label(~blocked, np.ones((3, 3)) if diagonal else None)
     joined = parts == parts[tuple(start)]
     beyond = parts == parts[tuple(target)]
     reached, left = int(np.count_nonzero(joined)), int(np.count_nonzero(beyond))
@@ -124,7 +150,7 @@ def _enclosed(model: UnknownGridNavigation, scene: int) -> Finding:
     name, inner, size, cell = (
         ("target", beyond, left, target) if left <= reached else ("start", joined, reached, start)
     )
-    ring = np.argwhere(binary_dilation(inner) & blocked)
+    ring = np.argwhere(binary_dilation(inner, np.ones((3, 3)) if diagonal else None) & blocked)
     edge = bool(inner[[0, -1]].any() or inner[:, [0, -1]].any())
     around = _count(len(ring), "obstacle") + (" and the edge of the map" if edge else "")
     if not len(ring):
@@ -139,7 +165,7 @@ def _enclosed(model: UnknownGridNavigation, scene: int) -> Finding:
         "free": int(np.count_nonzero(~blocked)), "edge": edge, "walls": ring.tolist(),
     }  # fmt: skip
     if blocked.size <= _MOST:
-        removed = opening(blocked, start, target)
+        removed = opening(blocked, start, target, diagonal)
         text += f"; without {_count(len(removed), 'obstacle')}, such as {_cells(removed)}, there would be one"
         data["opening"] = removed.tolist()
     return Finding(text, "", f"scene {scene}", data)

@@ -60,7 +60,7 @@ class Oracle(Backend):
             Termination.OPTIMAL, None, plan, mean, mean,
             seconds={"solve": clock() - begin},
             statistics={"success %": plan.success},
-            message=_MESSAGE if aspects else "",
+            message=_MESSAGE if aspects - {Aspect.EIGHT} else "",
         )  # fmt: skip
 
 

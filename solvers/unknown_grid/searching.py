@@ -2,8 +2,8 @@
 
 Each cell has an evidence, the logarithm of the odds of an obstacle, as in occupancy grids (H. Moravec, A. Elfes,
 ICRA 1985). Unseen cells have 0. A cell is an obstacle for the search if its evidence is positive. Readings add
-the logarithm of their likelihood ratio; exact readings and collisions are certain. With moving obstacles the last
-reading counts, and obstacles are where they were seen last.
+the logarithm of their likelihood ratio; exact readings and collisions are certain. With moving obstacles the
+evidence is limited, so that later readings change it, and obstacles are assumed where they were seen last.
 
 Until the target is seen, an unknown target is searched for at the nearest unseen cell (B. Yamauchi, "A
 frontier-based approach for autonomous exploration", CIRA 1997).
@@ -32,6 +32,10 @@ Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
 
 
+#: Limit of the evidence of cells that may change, from OctoMap (A. Hornung and others, Autonomous Robots, 2013).
+_LIMIT = 3.5
+
+
 class Searching:
     """Policy of one scene that replans before every step by a breadth-first search.
 
@@ -49,8 +53,8 @@ class Searching:
         rows, columns = problem.shape.tolist()
         self._flag, self._forget = request.control.flag, forget
         self._width, self._moving, self._view = columns + 2, problem.moving > 0, problem.view
-        #: Whether the latest reading replaces the evidence.
-        self._latest = self._moving or problem.camera is not None
+        #: Limit of the evidence, so that later readings can change it.
+        self._limit = _LIMIT if self._moving or problem.camera is not None else np.inf
         count = 8 if problem.connectivity is Connectivity.EIGHT else 4
         self._moves = np.array(MOVES) @ [self._width, 1]
         self._allowed = self._moves[:count]
@@ -66,7 +70,7 @@ class Searching:
         with np.errstate(divide="ignore"):
             odds = np.log([missed / (1.0 - wrong), (1.0 - missed) / wrong if wrong else np.inf])
         #: Evidence of a free and of a blocked reading.
-        self._weights = np.clip(odds, -1.0, 1.0) if self._latest else odds
+        self._weights = odds
         self._cell = self._expected = self._number(problem.starts[scene])
         self._action = WAIT
         self._target = self._number(problem.targets[scene]) if problem.target_known else -1
@@ -105,8 +109,8 @@ class Searching:
         # The obstacle of a diagonal step may be beside it. A straight step tells.
         diagonal = hit and self._action >= 4 and self._sides < 2
         if hit and not diagonal:
-            evidence[self._expected] = 1.0 if self._moving else np.inf
-        evidence[self._cell] = -1.0 if self._moving else -np.inf
+            evidence[self._expected] = self._limit
+        evidence[self._cell] = -self._limit
         self._stamps.flat[[self._cell] if diagonal else [self._cell, self._expected]] = self._time
         return diagonal
 
@@ -122,8 +126,8 @@ class Searching:
             self._target = self._number(found[0] + low - 1)
         known = readings != UNKNOWN
         evidence, gained = self._evidence[part], self._weights[(readings == BLOCKED).astype(int)]
-        if not self._latest:
-            gained = evidence + np.where(np.isinf(evidence), 0.0, gained)
+        gained = evidence + np.where(np.isinf(evidence), 0.0, gained)
+        gained = np.clip(gained, -self._limit, self._limit)
         self._evidence[part] = np.where(known, gained, evidence)
         self._stamps[part][known] = self._time
 
