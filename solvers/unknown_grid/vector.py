@@ -15,6 +15,7 @@ from ...errors import BackendMissing, InvalidData
 from ...models.fields import Array, Flag, Whole, required, show
 from ...models.unknown_grid.camera import PIXELS
 from ...models.unknown_grid.model import UnknownGridNavigation
+from ...models.unknown_grid.scenes import aspects_of
 from ...models.unknown_grid.world import (
     FREE,
     GOING,
@@ -52,6 +53,9 @@ class Episodes:
         self._model = required("model", model, UnknownGridNavigation)
         if model.is_blinded:
             raise InvalidData("model must have its true maps, got one without", field="model")
+        if aspects := aspects_of(model):
+            names = " and ".join(sorted(aspects))
+            raise InvalidData(f"model must have no {names} in an environment", field="model")
         self.problem = model.blinded()
         self._remembers = Flag().coerce("memory", memory, {})
         self._worlds: list[World] = []

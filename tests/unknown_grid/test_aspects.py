@@ -21,6 +21,7 @@ from crosstrack.models.unknown_grid.world import LOOK, Looks
 from crosstrack.solvers.unknown_grid.baselines import BaselineOne
 from crosstrack.solvers.unknown_grid.oracle import Oracle
 from crosstrack.solvers.unknown_grid.replanning import AStarReplanning, CurrentView, DStarLite
+from crosstrack.solvers.unknown_grid.vector import Episodes
 
 drawn = UnknownGridNavigation.drawn
 PLANNERS = (DStarLite, AStarReplanning, CurrentView)
@@ -379,6 +380,8 @@ def test_policies_refuse_aspects_by_name():
     ):
         ct.solve(model, "baseline-1")
     search = drawn(OPEN, view=(3, 3), target_known=False)
+    with pytest.raises(InvalidData, match="model must have no moving obstacles and occlusion"):
+        Episodes(model, 1, True)
     assert CurrentView().refuses(search) == "an unknown target" and not DStarLite().refuses(search)
 
 
