@@ -3,7 +3,7 @@
 Each cell has an evidence, the logarithm of the odds of an obstacle, as in occupancy grids (H. Moravec, A. Elfes,
 ICRA 1985). Unseen cells have 0. A cell is an obstacle for the search if its evidence is positive. Readings add
 the logarithm of their likelihood ratio; exact readings and collisions are certain. With moving obstacles the
-evidence is limited, so that later readings change it, and obstacles are assumed where they were seen last.
+evidence is limited, so that later readings change it, and obstacles are assumed to stay.
 
 Until the target is seen, an unknown target is searched for at the nearest unseen cell (B. Yamauchi, "A
 frontier-based approach for autonomous exploration", CIRA 1997).
