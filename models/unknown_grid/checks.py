@@ -43,18 +43,7 @@ def replay(
 ) -> Replay:
     """Return the positions and collisions that `actions` cause on a map, true if blocked.
 
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows, columns)
-        True map.
-    start : (int, int)
-        Row and column.
-    actions : str
-        Letters of the actions.
-    corners : Corners
-        Allowed diagonal steps.
-    tracks : ndarray of int, shape (m, n, 2), optional
-        Cells of the moving obstacles after 0 … n - 1 actions.
+    `tracks`, shape (m, n, 2), are the cells of the moving obstacles after 0 … n - 1 actions.
     """
     rows, columns = blocked.shape
 

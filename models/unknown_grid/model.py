@@ -6,7 +6,7 @@ Systems under Partial Observation from UAV", IROS 2020, doi 10.1109/IROS45743.20
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..declaration import Nested
 from ..fields import Array, Flag, Optional, Real, Whole, declared, required, show
-from ..grid_path import Connectivity, GridMap, distances
+from ..grid_path import Connectivity
 from ..grid_path.gridmap import read_cells
 from ..inputs import Field, Numbers
 from ..model import Model
@@ -313,16 +313,12 @@ class UnknownGridNavigation(Model[NavigationRuns]):
         The entry of a scene without a path is infinite, and with moving obstacles also that of a scene whose
         target cannot be reached within `steps`.
         """
-        if self.connectivity is Connectivity.EIGHT or self.moving:
-            return np.array([np.inf if run is None else len(run) for run in self.fewest_runs()])
-        ends = zip(self.blocked, self.starts, self.targets, strict=True)
-        lengths = [distances(GridMap(cells), [a, b], diagonal=False)[0, 1] for cells, a, b in ends]
-        return np.array(lengths)
+        return np.array([np.inf if run is None else len(run) for run in self.fewest_runs()])
 
-    def fewest_runs(self) -> list[str | None]:
-        """Return the actions of a run with the fewest steps per scene; None if :meth:`fewest_steps` is infinite."""
+    def fewest_runs(self) -> Iterator[str | None]:
+        """Yield the actions of a run with the fewest steps per scene; None if :meth:`fewest_steps` is infinite."""
         tracks = obstacle_tracks(self)
-        return [fewest_run(self, k, tracks[k]) for k in range(self.scenes)]
+        return (fewest_run(self, k, tracks[k]) for k in range(self.scenes))
 
     def replays(self, plan: NavigationRuns | Any) -> tuple[Replay, ...]:
         """Return the replays of a plan's runs on the true maps, one per scene.

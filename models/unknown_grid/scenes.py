@@ -119,9 +119,8 @@ def check_aspects(model: Scenes) -> None:
     """Raise if the fields of neighbours, sensor and moving obstacles contradict one another or the maps."""
 
     def fail(field: str, allowed: str, value: Any) -> None:
-        raise InvalidData(
-            f"{field} must {allowed}, got {show(value)}", field=field.partition("[")[0]
-        )
+        text = f"{field} must {allowed}, got {show(value)}"
+        raise InvalidData(text, field=field.partition("[")[0])
 
     if model.connectivity is Connectivity.ANY:
         fail("connectivity", "be 4 or 8", model.connectivity)
@@ -133,11 +132,7 @@ def check_aspects(model: Scenes) -> None:
     if model.camera is not None and (names := aspects_of(model)):
         fail("camera", f"be None with {' and '.join(sorted(names))}", model.camera.rendering)
     if model.occlusion and model.view.max() > MOST_SIGHT:
-        fail(
-            "view",
-            f"have at most {MOST_SIGHT} rows and columns with occlusion",
-            model.view.tolist(),
-        )
+        fail("view", f"be at most {MOST_SIGHT} cells with occlusion", model.view.tolist())
     if model.tracks is not None:
         _check_tracks(model, fail)
     elif model.moving and len(model.starts) * model.moving * model.steps > MOST_WALKED:
@@ -150,12 +145,10 @@ def _check_tracks(model: Scenes, fail: Callable[[str, str, Any], None]) -> None:
     """Raise if the tracks are not paths through free cells that begin beside the start."""
     tracks = model.tracks
     assert tracks is not None
-    if tracks.shape[1] != model.moving or not tracks.size:
-        fail(
-            "moving",
-            f"be the number of tracks per scene, {tracks.shape[1]}, and >= 1",
-            model.moving,
-        )
+    if not tracks.size:
+        fail("tracks", "be None or have at least one cell each", tracks.tolist())
+    if tracks.shape[1] != model.moving:
+        fail("moving", f"be the number of tracks per scene, {tracks.shape[1]}", model.moving)
     outside = np.asarray(((tracks < 0) | (tracks >= model.shape)).any(axis=-1))
     rows, columns = np.where(outside[..., None], 0, tracks).transpose(3, 0, 1, 2)
     blocked = model.blocked[np.arange(len(model.starts))[:, None, None], rows, columns]

@@ -50,7 +50,8 @@ def in_sight(blocked: Truths, seen: Truths) -> None:
 
 
 def sense(
-    model: Scenes, tracks: Ints, scenes: Ints, taken: Ints, vehicles: Ints, corners: Ints, views: Cells
+    model: Scenes, tracks: Ints, scenes: Ints, taken: Ints, vehicles: Ints, corners: Ints, views: Cells,
+    exact: bool = False,
 ) -> Cells:  # fmt: skip
     """Return the readings of the sensor in the views of n scenes, shape (n, rows, columns).
 
@@ -66,6 +67,8 @@ def sense(
         Cells of the vehicles, and first cells of the views.
     views : ndarray of int, shape (n, rows, columns)
         True cells of the maps: ``FREE``, ``BLOCKED`` (also outside the map) or ``TARGET``.
+    exact : bool
+        Whether to omit the wrong readings.
 
     Notes
     -----
@@ -87,7 +90,7 @@ def sense(
         seen = np.empty(views.shape, bool)
         in_sight(views == BLOCKED, seen)
         views[inside & ~seen & ~own] = UNKNOWN
-    if max(model.false_obstacles, model.missed_obstacles) > 0:
+    if max(model.false_obstacles, model.missed_obstacles) > 0 and not exact:
         state = np.full((len(scenes), 1, 1), model.world_seed, np.uint64)
         numbers = (scenes[:, None, None], taken[:, None, None], rows[:, :, None], columns[:, None])
         for number in numbers:

@@ -18,9 +18,9 @@ _HIDING = frozenset({Aspect.OCCLUSION, Aspect.MOVING})
 
 
 def readings(
-    model: Scenes, scene: int, positions: Ints, centres: Ints, first: int = 0
-) -> tuple[Cells, Cells]:
-    """Return the true cells and the readings of the views around `centres`, each of shape (n, rows, columns).
+    model: Scenes, scene: int, positions: Ints, centres: Ints, first: int = 0, exact: bool = False
+) -> Cells:
+    """Return the readings of the views around `centres`, shape (n, rows, columns).
 
     `positions` are the cells of the vehicle after `first`, `first` + 1, … actions.
     """
@@ -32,20 +32,18 @@ def readings(
     true[inside, places[inside, 0], places[inside, 1]] = TARGET
     taken = np.minimum(first + np.arange(len(positions)), model.steps)
     scenes, tracks = np.full(len(positions), scene), obstacle_tracks(model)
-    return true, sense(model, tracks, scenes, taken, positions, corners, true)
+    return sense(model, tracks, scenes, taken, positions, corners, true, exact)
 
 
 def wrong_readings(model: Scenes, scene: int, position: Ints, centre: Ints, step: int) -> Ints:
     """Return rows and columns of the cells that are read wrongly after `step` actions, shape (n, 2)."""
     if Aspect.NOISE not in aspects_of(model):
         return np.empty((0, 2), np.int64)
-    true, read = readings(model, scene, position[None], centre[None], step)
-    for cell in obstacle_tracks(model)[scene, :, min(step, model.steps)] - centre + model.view // 2:
-        if ((cell >= 0) & (cell < model.view)).all():
-            true[0][tuple(cell)] = BLOCKED
-    wrong = (read[0] != true[0]) & (read[0] != UNKNOWN) & (true[0] != TARGET)
-    cells = np.argwhere(wrong) + centre - model.view // 2
-    return np.asarray(cells[(cells != position).any(axis=1)])
+    read, exact = (
+        readings(model, scene, position[None], centre[None], step, each)[0]
+        for each in (False, True)
+    )
+    return np.asarray(np.argwhere(read != exact) + centre - model.view // 2)
 
 
 def uav_cells(model: Scenes, scene: int, positions: Ints) -> Ints:
@@ -56,7 +54,7 @@ def uav_cells(model: Scenes, scene: int, positions: Ints) -> Ints:
     """
     near = (np.abs(model.targets[scene] - positions) <= model.view // 2).all(axis=1)
     if aspects_of(model) & _HIDING and model.uav is Hover.PAPER:
-        near = (readings(model, scene, positions, positions)[1] == TARGET).any(axis=(1, 2))
+        near = (readings(model, scene, positions, positions) == TARGET).any(axis=(1, 2))
     cells = positions.copy()
     if model.uav is Hover.PAPER and near.any():
         first = int(near.argmax())
@@ -77,7 +75,7 @@ def first_seen(model: Scenes, scene: int, positions: Ints) -> Ints:
     moves = np.diff(middles, axis=0)
     times = np.full(tuple(model.shape), len(positions), np.int64)
     if model.occlusion:
-        seen = readings(model, scene, positions, middles)[1] != UNKNOWN
+        seen = readings(model, scene, positions, middles) != UNKNOWN
         for k in range(len(positions))[::-1]:
             cells = np.argwhere(seen[k]) + middles[k] - half
             times[tuple(cells[((cells >= 0) & (cells < model.shape)).all(axis=1)].T)] = k

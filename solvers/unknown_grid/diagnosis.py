@@ -48,15 +48,10 @@ def diagnose_unknown_grid(
         [has_way(cells, (a, b), (c, d), model.corners) for cells, (a, b), (c, d) in ends]
     )
     closed = np.flatnonzero(~ways).tolist()
-    late = np.flatnonzero(ways & np.isinf(fewest)).tolist()
-    far = np.flatnonzero(np.isfinite(fewest) & (fewest > model.steps))
+    far = np.flatnonzero(ways & (fewest > model.steps))
     far = far[np.argsort(fewest[far], kind="stable")]
     enclosed = sorted((_enclosed(model, k) for k in closed), key=_obstacles)
-    findings = (
-        *(_distant(model, k, int(fewest[k])) for k in far.tolist()),
-        *(_late(model, k) for k in late),
-        *enclosed,
-    )
+    findings = (*(_distant(model, k, fewest[k]) for k in far.tolist()), *enclosed)
     within = fewest[fewest <= model.steps]
     limits = "" if not within.size else f", in {_range(within)} of {model.steps} steps"
     if model.scenes == 1:
@@ -71,8 +66,7 @@ def diagnose_unknown_grid(
         which = "all" if within.size == model.scenes else f"{within.size} of"
         text = f"the target can be reached in {which} {model.scenes} scenes{limits}"
         text += f"; {len(closed)} without a way" if closed else ""
-        too_long = len(far) + len(late)
-        text += f"; {too_long} with a way that is too long" if too_long else ""
+        text += f"; {len(far)} with a way that is too long" if len(far) else ""
     summary = f"a plan exists, for a run may say that there is no way; {text}"
     return Diagnosis(model.name, True, _METHOD, summary, findings)
 
@@ -120,20 +114,15 @@ def opening(blocked: Truths, start: Ints, target: Ints, diagonal: bool = False) 
     return np.array(cells[::-1], np.int64).reshape(-1, 2)
 
 
-def _distant(model: UnknownGridNavigation, scene: int, steps: int) -> Finding:
+def _distant(model: UnknownGridNavigation, scene: int, steps: float) -> Finding:
+    if steps == np.inf:
+        text = f"the target cannot be reached past the moving obstacles in {model.steps} steps"
+        return Finding(_scene(model, scene) + text, "", f"scene {scene}", {"scene": scene})
     text = (
-        f"{_scene(model, scene)}the shortest way has {steps} steps, {steps - model.steps} more than the "
+        f"{_scene(model, scene)}the shortest way has {steps:.0f} steps, {steps - model.steps:.0f} more than the "
         f"{model.steps} that are allowed"
     )
-    return Finding(text, "", f"scene {scene}", {"scene": scene, "steps": steps})
-
-
-def _late(model: UnknownGridNavigation, scene: int) -> Finding:
-    text = (
-        f"{_scene(model, scene)}the target cannot be reached past the moving obstacles in the {model.steps} "
-        "steps that are allowed"
-    )
-    return Finding(text, "", f"scene {scene}", {"scene": scene})
+    return Finding(text, "", f"scene {scene}", {"scene": scene, "steps": int(steps)})
 
 
 def _enclosed(model: UnknownGridNavigation, scene: int) -> Finding:

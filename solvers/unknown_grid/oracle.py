@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from ...jit import clock
-from ...models.grid_path import GridMap, path_between
 from ...models.unknown_grid.checks import has_way
 from ...models.unknown_grid.model import UnknownGridNavigation
-from ...models.unknown_grid.plan import ACTIONS, STEPS, NavigationRuns, Outcome
+from ...models.unknown_grid.plan import NavigationRuns, Outcome
 from ...models.unknown_grid.scenes import Aspect, aspects_of
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
 
 __all__ = ["Oracle"]
-
 
 _MESSAGE = (
     "the oracle knows the map, the target and the tracks of moving obstacles in advance: its cost is a lower bound "
@@ -33,16 +29,14 @@ class Oracle(Backend):
     deterministic = True
     single_threaded = True
     sees_hidden = True
-    summary = "A* on the true map, which no policy sees: a bound for all"
+    summary = "breadth-first search on the true map, which no policy sees: a bound for all"
 
     def run(self, problem: UnknownGridNavigation, request: Request) -> Answer:
         """Return the shortest paths. A scene without a path gets the outcome ``NO_WAY`` and no action."""
         begin = clock()
         aspects = aspects_of(problem)
-        general = aspects & {Aspect.EIGHT, Aspect.MOVING}
-        runs = problem.fewest_runs() if general else _straight_runs(problem)
         actions, outcomes, costs = [], [], []
-        for k, run in enumerate(runs):
+        for k, run in enumerate(problem.fewest_runs()):
             if request.control.stopped:
                 return Answer(Termination.NO_SOLUTION, request.control.reason)
             letters, outcome, cost = "", Outcome.GAVE_UP, problem.steps + 1.0
@@ -62,15 +56,3 @@ class Oracle(Backend):
             statistics={"success %": plan.success},
             message=_MESSAGE if aspects - {Aspect.EIGHT} else "",
         )  # fmt: skip
-
-
-def _straight_runs(problem: UnknownGridNavigation) -> Iterator[str | None]:
-    """Yield shortest runs along four neighbours, None if no path exists."""
-    moves = dict(zip(STEPS, ACTIONS, strict=True))
-    for k, steps in enumerate(problem.fewest_steps().tolist()):
-        if steps == np.inf:
-            yield None
-            continue
-        ends = problem.starts[k], problem.targets[k]
-        path = path_between(GridMap(problem.blocked[k]), *ends, diagonal=False)
-        yield "".join(moves[a, b] for a, b in np.diff(path, axis=0).tolist())

@@ -345,6 +345,8 @@ def test_a_planner_without_memory_forgets():
         ({"moving": 1, "tracks": [[[[0, 0], [0, 1]]]]}, "must not be the start of the vehicle"),
         ({"moving": 1, "tracks": [[[0, 1]]]}, "tracks must"),
         ({"moving": 1, "tracks": [[[[0.5, 1]]]]}, r"tracks\[0, 0, 0, 0\] must be whole"),
+        ({"moving": 1, "tracks": np.zeros((1, 1, 0, 2), int)}, "tracks must be None or have at least one"),
+        ({"tracks": np.zeros((1, 0, 3, 2), int)}, "tracks must be None or have at least one"),
         ({"world_seed": -1}, "world_seed must be"),
         ({"camera": {}, "moving": 1}, "camera must be None with moving obstacles"),
         ({"occlusion": True, "view": (301, 3)}, "view must"),
