@@ -6,48 +6,24 @@ import itertools
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from unknown_grid.aspects import look, plain_request, rules, with_rules
 from unknown_grid.plain import Plain, visible
-from unknown_grid.scenes import models, run
+from unknown_grid.scenes import models
 
-import crosstrack as ct
-from crosstrack.errors import HiddenData, InvalidData, UnsupportedFormulation
+from crosstrack.errors import HiddenData, InvalidData
 from crosstrack.instances.unknown_grid import draw_scenes
 from crosstrack.models import UnknownGridNavigation
 from crosstrack.models.unknown_grid import World
 from crosstrack.models.unknown_grid.moving import obstacle_tracks
 from crosstrack.models.unknown_grid.plan import LETTERS, NavigationRuns
 from crosstrack.models.unknown_grid.sensing import in_sight
-from crosstrack.models.unknown_grid.world import LOOK, Looks
-from crosstrack.solvers.unknown_grid.baselines import BaselineOne
+from crosstrack.models.unknown_grid.world import LOOK
 from crosstrack.solvers.unknown_grid.oracle import Oracle
 from crosstrack.solvers.unknown_grid.replanning import AStarReplanning, CurrentView, DStarLite
-from crosstrack.solvers.unknown_grid.vector import Episodes
 
 drawn = UnknownGridNavigation.drawn
 PLANNERS = (DStarLite, AStarReplanning, CurrentView)
 OPEN = ["S....", ".....", ".....", ".....", "....T"]
-
-
-@st.composite
-def rules(draw, **fixed):
-    """Draw the fields of neighbours, corners and moving obstacles."""
-    connectivity = draw(st.sampled_from("48"))
-    return {
-        "connectivity": connectivity,
-        "corners": draw(st.sampled_from(["free", "one", "any"])) if connectivity == "8" else "free",
-        "moving": draw(st.integers(0, 3)),
-        "world_seed": draw(st.integers(0, 99)),
-        **fixed,
-    }
-
-
-def with_rules(model, fields):
-    return dataclasses.replace(model, **fields)
-
-
-def look(world, questions):
-    questions = np.array(questions, float)
-    return Looks.read(world.problem, questions[:, 0].astype(int), world(questions))
 
 
 @settings(max_examples=60, deadline=None)
@@ -82,7 +58,7 @@ def test_world_and_replay_equal_plain_python(model, fields, data):
 @given(model=models(most=5, scenes=2), fields=rules(), steps=st.integers(1, 12))
 def test_the_oracle_equals_a_search_over_cells_and_times(model, fields, steps):
     model = with_rules(model, {**fields, "steps": steps})
-    answer = Oracle().run(model, _request())
+    answer = Oracle().run(model, plain_request())
     assert model.verify(answer.point).ok and answer.primal_bound == answer.dual_bound
     tracks = obstacle_tracks(model)
     costs = []
@@ -96,12 +72,6 @@ def test_the_oracle_equals_a_search_over_cells_and_times(model, fields, steps):
             costs.append(best[0])
     assert answer.dual_bound == pytest.approx(np.mean(costs))
     assert model.verify(answer.point).objective == pytest.approx(answer.dual_bound)
-
-
-def _request():
-    from crosstrack.solvers import Control, Request
-
-    return Request(options={}, control=Control())
 
 
 @settings(max_examples=40, deadline=None)
@@ -255,43 +225,6 @@ def test_success_weighted_by_path_length():
     assert eight.score(NavigationRuns(("RRRRDDDD",), ("reached",))).spl == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("backend", PLANNERS, ids=lambda one: one.name)
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"connectivity": "8"}, {"connectivity": "8", "corners": "any"}, {"occlusion": True},
-        {"false_obstacles": 0.05, "missed_obstacles": 0.1}, {"moving": 4},
-        {"connectivity": "8", "corners": "one", "occlusion": True, "false_obstacles": 0.02, "moving": 2},
-    ],
-    ids=str,
-)  # fmt: skip
-def test_planners_reach_most_targets_under_every_aspect(backend, fields):
-    model = draw_scenes(
-        "mixed", obstacles=4, scenes=20, view=(9, 9), steps=60, uav="follow", **fields
-    )
-    answer = run(backend(), model)
-    again = run(backend(), model)
-    assert answer.point == again.point and model.verify(answer.point).ok
-    score = model.score(answer.point)
-    assert score.collisions == answer.statistics["collisions"]
-    least = 6 if backend is CurrentView else 14 if "false_obstacles" in fields else 18
-    assert score.reached >= least, score
-    assert 0 < score.spl <= score.reached / score.scenes
-
-
-@pytest.mark.parametrize("backend", PLANNERS[:2], ids=lambda one: one.name)
-def test_unknown_targets_are_found_and_missing_ones_reported(backend):
-    model = draw_scenes(
-        "walls", obstacles=4, scenes=20, view=(5, 5), steps=200, target_known=False, uav="follow"
-    )
-    answer = run(backend(), model)
-    assert model.verify(answer.point).ok and answer.point.success == 100.0
-    known = run(backend(), dataclasses.replace(model, target_known=True))
-    assert sum(map(len, answer.point.actions)) > sum(map(len, known.point.actions))
-    shut = drawn(["S..@T", "...@@", "....."], view=(3, 3), target_known=False)
-    assert run(backend(), shut).point.outcomes == ("no way",)
-
-
 def test_the_target_is_hidden_until_it_is_seen():
     model = drawn(OPEN, view=(3, 3), target_known=False, moving=1, world_seed=3)
     view = model.blinded()
@@ -303,24 +236,6 @@ def test_the_target_is_hidden_until_it_is_seen():
     # Two models that differ in an unseen target give equal observations.
     first, second = (look(World(one), [(0, LOOK)]) for one in (model, twin))
     assert all((a == b).all() for a, b in zip(first, second, strict=True))
-
-
-def test_a_planner_without_memory_forgets():
-    trap = [
-        "...........",
-        ".@@@@@@@@..",
-        "........@..",
-        "S.......@.T",
-        "........@..",
-        ".@@@@@@@@..",
-        "...........",
-    ]
-    model = drawn(trap, view=(5, 5), steps=120, uav="follow")
-    found = {forget: run(DStarLite(), model, forget=forget).point for forget in (None, 0, 3, 1000)}
-    assert found[None].outcomes == ("reached",)
-    assert len(found[1000].actions[0]) == len(found[None].actions[0])
-    assert found[0] == run(CurrentView(), dataclasses.replace(model)).point or found[0].outcomes
-    assert found[0].outcomes == ("out of steps",) == found[3].outcomes
 
 
 @pytest.mark.parametrize(
@@ -374,19 +289,6 @@ def test_plans_with_actions_of_other_models_are_rejected():
         look(World(drawn(OPEN, view=(3, 3), moving=1)), [(0, 4)])
 
 
-def test_policies_refuse_aspects_by_name():
-    model = drawn(OPEN, view=(3, 3), moving=1, occlusion=True)
-    assert BaselineOne().refuses(model) == "moving obstacles and occlusion"
-    with pytest.raises(
-        UnsupportedFormulation, match="'baseline-1' does not cover moving obstacles and occlusion"
-    ):
-        ct.solve(model, "baseline-1")
-    search = drawn(OPEN, view=(3, 3), target_known=False)
-    with pytest.raises(InvalidData, match="model must have no moving obstacles and occlusion"):
-        Episodes(model, 1, True)
-    assert CurrentView().refuses(search) == "an unknown target" and not DStarLite().refuses(search)
-
-
 def test_fields_at_their_defaults_keep_digest_and_data():
     model = drawn(OPEN, view=(3, 3))
     assert list(model.data()) == [
@@ -412,18 +314,3 @@ def test_fields_at_their_defaults_keep_digest_and_data():
             assert UnknownGridNavigation.from_data(other.data()).digest == other.digest
             digests.add(other.digest)
     assert len(digests) > 40
-
-
-@settings(max_examples=40, deadline=None)
-@given(
-    model=models(most=9, steps=60, uav="follow"), fields=rules(),
-    sensing=st.sampled_from(
-        [{}, {"occlusion": True}, {"false_obstacles": 0.1, "missed_obstacles": 0.1}, {"target_known": False}]
-    ),
-    forget=st.sampled_from([None, 0, 4]),
-)  # fmt: skip
-def test_d_star_lite_takes_the_steps_of_a_search_from_scratch(model, fields, sensing, forget):
-    model = with_rules(model, {**fields, **sensing})
-    found = [run(backend(), model, forget=forget) for backend in (DStarLite, AStarReplanning)]
-    assert found[0].point == found[1].point
-    assert model.verify(found[0].point).ok

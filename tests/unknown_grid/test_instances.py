@@ -253,13 +253,13 @@ def test_the_papers_tasks():
 
 
 def test_other_entries():
-    assert len(OURS) == len(TASKS) + 16
+    assert len(OURS) == len(TASKS) + 24
     built = {name: one.build() for name, one in OURS.items() if name not in TASKS}
     for name, one in built.items():
         way = name not in ("no-way", "clutter")
         assert np.isfinite(one.fewest_steps()).all() == way
         assert OURS[name].published == {}
-        by_formula = name in ("no-way", "spiral", "u-trap")
+        by_formula = name in ("no-way", "spiral", "u-trap", "crossing")
         assert OURS[name].provenance == (Provenance.OURS if by_formula else Provenance.SEEDED)
     assert built["large"].blocked.shape == (1, 1000, 1000)
     assert built["follow"].uav == "follow"
