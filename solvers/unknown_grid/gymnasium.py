@@ -142,7 +142,7 @@ class UnknownGridEnv:
             scene = self.np_random.integers(self.problem.scenes)
         self._episodes.begin(self._row, np.array([self._episodes.checked_scene(scene)]))
         self._is_reset = True
-        return self._observation(), self._info()
+        return self._episodes.observation(0), self._info()
 
     def step(
         self, action: int | np.integer[Any]
@@ -176,13 +176,13 @@ class UnknownGridEnv:
         self._episodes.step(self._row, np.array([move]))
         state = self._episodes.states[0]
         terminated, truncated = bool(state == REACHED), bool(state == OUT_OF_STEPS)
-        return self._observation(), -1.0 - truncated, terminated, truncated, self._info()
+        return self._episodes.observation(0), -1.0 - truncated, terminated, truncated, self._info()
 
     def render(self) -> str | NDArray[np.uint8] | None:
         """Return the known map as text, or as an image of uint8; None without a mode or an episode."""
         if self.render_mode is None or not self._is_reset:
             return None
-        seen = self._observation()
+        seen = self._episodes.observation(0)
         if self.render_mode == "rgb_array" and "image" in seen:
             image: NDArray[np.uint8] = seen["image"]
             return image
@@ -195,9 +195,6 @@ class UnknownGridEnv:
         side = max(_LARGE // max(known.shape), 1)
         drawn: NDArray[np.uint8] = colours[known + 1].repeat(side, axis=0).repeat(side, axis=1)
         return drawn
-
-    def _observation(self) -> dict[str, Any]:
-        return {name: array[0].copy() for name, array in self._episodes.seen.items()}
 
     def _info(self) -> dict[str, Any]:
         return {name: int(values[0]) for name, values in self._episodes.info.items()}

@@ -115,6 +115,10 @@ class Episodes:
             known = self._memory.look(slots, looks.positions, looks.corners, looks.view)
             self.seen["map"][slots] = known.known if self._remembers else known.current
 
+    def observation(self, row: Any = ...) -> dict[str, Any]:
+        """Return a copy of the observations of one environment, or of all."""
+        return {name: array[row].copy() for name, array in self.seen.items()}
+
     def space(self) -> Any:
         """Return Gymnasium's space of the observations of one environment."""
         from gymnasium.spaces import Box, Dict, MultiDiscrete
@@ -214,7 +218,7 @@ class UnknownGridVectorEnv:
         seed: int | list[int | None] | None = None,
         options: Mapping[str, Any] | None = None,
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Begin an episode in each environment.
+        """Begin an episode in each environment and return the first observations and info.
 
         Parameters
         ----------
@@ -224,11 +228,6 @@ class UnknownGridVectorEnv:
         options : mapping, optional
             ``{"scene": index}`` selects the scene of these episodes.
 
-        Returns
-        -------
-        observations, info : dict
-            First observations, and index of the scene, steps and collisions.
-
         Raises
         ------
         InvalidData
@@ -236,9 +235,9 @@ class UnknownGridVectorEnv:
         """
         from gymnasium.utils.seeding import np_random
 
-        seeds = [None if seed is None else seed + k for k in self._rows.tolist()] if (
-            seed is None or isinstance(seed, int | np.integer)
-        ) else list(seed)  # fmt: skip
+        seeds = seed if isinstance(seed, list) else [
+            None if seed is None else seed + k for k in self._rows.tolist()
+        ]  # fmt: skip
         if len(seeds) != self.num_envs:
             raise InvalidData(
                 f"seed must have {self.num_envs} entries, got {len(seeds)}", field="seed"
@@ -250,7 +249,7 @@ class UnknownGridVectorEnv:
         ]
         self._begin(self._rows, scene_of(options, self._scene))
         self._ended[:] = False
-        return self._observations(), self._info(self._rows)
+        return self._episodes.observation(), self._info(self._rows)
 
     def step(
         self, actions: ArrayLike
@@ -264,14 +263,9 @@ class UnknownGridVectorEnv:
 
         Returns
         -------
-        observations : dict
-            Observations after the step, one row per environment.
-        rewards : ndarray, shape (num_envs,)
-            -1, -2 if the last step allowed does not reach the target, and 0 if an episode begins.
-        terminations, truncations : ndarray of bool, shape (num_envs,)
-            True if the vehicle has reached the target, or all steps are used.
-        info : dict
-            Index of the scene, steps and collisions; in the mode ``SameStep`` also the final observations.
+        observations, rewards, terminations, truncations, info
+            As of :meth:`.UnknownGridEnv.step`, one row per environment. The reward of a step that begins an
+            episode is 0. In the mode ``SameStep`` info has the final observations of ended episodes.
 
         Raises
         ------
@@ -280,10 +274,8 @@ class UnknownGridVectorEnv:
         """
         if not self._generators:
             raise InvalidData("reset must begin episodes before their first step", field="actions")
-        episodes = self._episodes
-        spec = Array((self.num_envs,), int, lower=0, upper=3)
-        moves = spec.coerce("actions", actions, {})
-        begun = self._ended
+        episodes, begun = self._episodes, self._ended
+        moves = Array((self.num_envs,), int, lower=0, upper=3).coerce("actions", actions, {})
         if begun.any():
             self._begin(self._rows[begun], self._scene)
         going = self._rows[~begun]
@@ -295,22 +287,24 @@ class UnknownGridVectorEnv:
         if self._same and self._ended.any():
             rows = self._rows[self._ended]
             final = np.full(self.num_envs, None, object)
-            for row in rows.tolist():
-                final[row] = {name: array[row].copy() for name, array in episodes.seen.items()}
+            final[rows] = [episodes.observation(row) for row in rows.tolist()]
             info = {"final_obs": final, "final_info": self._info(rows)}
             info |= {f"_{name}": self._ended for name in info}
             self._ended = np.zeros(self.num_envs, bool)
             self._begin(rows, self._scene)
-        return self._observations(), rewards, terminated, truncated, info | self._info(self._rows)
+        return (
+            self._episodes.observation(),
+            rewards,
+            terminated,
+            truncated,
+            info | self._info(self._rows),
+        )
 
     def _begin(self, rows: Ints, scene: Any) -> None:
         count = self.problem.scenes
         scenes = [self._generators[row].integers(count) if scene is None else self._episodes.checked_scene(scene)
                   for row in rows.tolist()]  # fmt: skip
         self._episodes.begin(rows, np.array(scenes))
-
-    def _observations(self) -> dict[str, Any]:
-        return {name: array.copy() for name, array in self._episodes.seen.items()}
 
     def _info(self, rows: Ints) -> dict[str, Any]:
         """Return the info of the environments `rows` and the masks of these rows, as Gymnasium does."""

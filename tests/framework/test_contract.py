@@ -29,8 +29,11 @@ from crosstrack.solvers import (
     Request,
     Termination,
 )
+from crosstrack.solvers.contract import registry
+from crosstrack.solvers.contract.registry import shares_process
 from crosstrack.solvers.contract.selection import recommended
 from crosstrack.solvers.contract.stopping import Evaluations, Progress, Stalled, Target
+from crosstrack.solvers.processes import pool
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
@@ -141,6 +144,33 @@ def test_a_reference_receives_hidden_data():
         assert found.plan == 2.25
     compared = ct.compare([GUESS], [Reference("reference"), Mean()], time_limit=20)
     assert [one.plan for one in compared.solutions] == [2.25, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "backend"),
+    [
+        ("sideslip/short", "kalman-filter"),
+        ("attractor/henon", "mutual-information"),
+        ("unknown-grid/u-trap", "d-star-lite"),
+    ],
+)
+def test_a_run_beside_the_hidden_data_equals_one_in_a_worker(name, backend, monkeypatch):
+    model = ct.load(name)
+    apart = ct.solve(model, backend, isolate=True)
+    monkeypatch.setattr(pool, "in_worker", lambda *_, **__: pytest.fail("a worker started"))
+    here = ct.solve(model, backend)
+    assert model.plan_to_data(here.plan) == model.plan_to_data(apart.plan)
+    assert (here.termination, here.primal_bound) == (apart.termination, apart.primal_bound)
+    kinds = {key: type(value) for key, value in apart.statistics.items()}
+    assert {key: type(value) for key, value in here.statistics.items()} == kinds
+
+
+def test_native_algorithms_that_share_the_process_with_hidden_data():
+    problems = {"sideslip": True, "attractor": True, "unknown_grid": True, "black_box": False}
+    for entry in registry.installed():
+        backend = entry.load() if entry.problem in problems else None
+        if backend is not None and not backend.sees_hidden:
+            assert shares_process(backend) is problems[entry.problem], backend.name
 
 
 def test_auto_is_never_a_reference_that_sees_hidden_data():
