@@ -261,8 +261,7 @@ class Backend(ABC):
         and ``"auto"`` never selects it.
     shares_process : bool
         Whether its code reads hidden data only with :meth:`Control.ask`, so that its runs need no process
-        without the data. It has an effect for classes of crosstrack only, see
-        :func:`~crosstrack.solvers.contract.registry.shares_process`.
+        without the data. It has an effect only for classes in the tables of crosstrack.
     is_automatic : bool
         Whether ``"auto"`` may select it although other backends accept the model.
     conflict_group : str

@@ -9,7 +9,7 @@ ID = "crosstrack/UnknownGrid-v0"
 
 
 def register() -> None:
-    """Register :data:`ID` for ``gymnasium.make`` and ``gymnasium.make_vec``.
+    """Register ``crosstrack/UnknownGrid-v0`` for ``gymnasium.make`` and ``gymnasium.make_vec``.
 
     Gymnasium calls this function itself if crosstrack is installed as a distribution.
     """
