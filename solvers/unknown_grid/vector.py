@@ -94,19 +94,20 @@ class Episodes:
 
     def step(self, rows: Ints, actions: Ints) -> None:
         """Execute the actions of the environments `rows` and observe."""
-        order = np.lexsort((self.info["scene"][rows], self._numbers[rows]))
-        borders = np.flatnonzero(np.diff(self._numbers[rows[order]])) + 1
-        for part in np.split(order, borders) if len(rows) else ():
+        numbers = self._numbers[rows]
+        for number in set(numbers.tolist()):
+            part = np.flatnonzero(numbers == number)
+            part = part[
+                self.info["scene"][rows[part]].argsort()
+            ]  # the simulator expects this order
             slots, moves = rows[part], actions[part]
-            world, scenes = self._worlds[self._numbers[slots[0]]], self.info["scene"][slots]
-            answers = world(np.column_stack([scenes, moves]).astype(float))
-            looks = Looks.read(self.problem, scenes, answers)
+            scenes = self.info["scene"][slots]
+            questions = np.stack([scenes, moves], axis=1).astype(float)
+            looks = Looks.read(self.problem, scenes, self._worlds[number](questions))
             self.info["steps"][slots] += moves != LOOK
             self.states[slots], self.info["collisions"][slots] = looks.states, looks.collisions
-            self.seen["position"][slots], self.seen["corner"][slots] = (
-                looks.positions,
-                looks.corners,
-            )
+            self.seen["position"][slots] = looks.positions
+            self.seen["corner"][slots] = looks.corners
             if self.problem.camera is not None:
                 self.seen["image"][slots] = np.rint(255 * looks.view)
                 continue
