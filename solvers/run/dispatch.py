@@ -66,8 +66,8 @@ def solve(
     formulation_options, backend_options : mapping, optional
         Options of the formulation and of the backend. Backend options override the common ones.
     isolate : bool, optional
-        Whether to run in a worker process. Default: only if the backend cannot be interrupted, or
-        if a conflicting library is loaded.
+        Whether to run in a worker process. Default: only if the backend cannot be interrupted, if
+        the model hides data from it, or if a conflicting library is loaded.
     limits : Limits, optional
         Limits of the run as a whole, see :class:`~crosstrack.solvers.contract.limits.Limits`.
     on_incumbent : callable, optional
