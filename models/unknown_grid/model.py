@@ -139,11 +139,10 @@ class UnknownGridNavigation(Model[NavigationRuns]):
     target_known : bool, default True
         Whether a policy receives the targets. Otherwise `targets` is hidden, and a policy has to search.
     moving : int, default 0
-        Number of obstacles that move per scene, see :mod:`~crosstrack.models.unknown_grid.moving`. Policies
-        may wait.
+        Number of moving obstacles per scene. Policies may wait for them.
     tracks : ndarray of int, shape (k, moving, n, 2), optional
-        Cells of the moving obstacles, hidden from backends. Consecutive cells are equal or neighbours. After the
-        last cell an obstacle returns along its track. None lets the obstacles walk at random.
+        Cells of the moving obstacles, equal or neighbours one after another, hidden from backends. The
+        obstacles move to and fro. None lets them walk at random.
     world_seed : int, default 0
         Seed of the readings and random walks, hidden from backends.
 
@@ -239,7 +238,7 @@ class UnknownGridNavigation(Model[NavigationRuns]):
         check_aspects(self)
 
     def blinded(self) -> Self:
-        """Return the view for backends, without the true maps, tracks, seed, and targets if they are unknown."""
+        """Return the view for backends without hidden fields, and without unknown targets."""
         view = super().blinded()
         if not self.target_known:
             view.__dict__.pop("targets", None)
@@ -260,7 +259,7 @@ class UnknownGridNavigation(Model[NavigationRuns]):
         Returns
         -------
         UnknownGridNavigation
-            Model with the drawn maps, starts and targets.
+            Model of the drawings.
 
         Raises
         ------
@@ -310,13 +309,12 @@ class UnknownGridNavigation(Model[NavigationRuns]):
     def fewest_steps(self) -> Floats:
         """Return the fewest steps from start to target on the true maps, shape (k,).
 
-        The entry of a scene without a path is infinite, and with moving obstacles also that of a scene whose
-        target cannot be reached within `steps`.
+        The entry of a scene without a path is infinite; with moving obstacles, without a path within `steps`.
         """
         return np.array([np.inf if run is None else len(run) for run in self.fewest_runs()])
 
     def fewest_runs(self) -> Iterator[str | None]:
-        """Yield the actions of a run with the fewest steps per scene; None if :meth:`fewest_steps` is infinite."""
+        """Yield the actions of a run with the fewest steps per scene; None without a path."""
         tracks = obstacle_tracks(self)
         return (fewest_run(self, k, tracks[k]) for k in range(self.scenes))
 
@@ -363,8 +361,11 @@ class UnknownGridNavigation(Model[NavigationRuns]):
         steps = np.array([len(run.collided) for run in replays], float)
         ratio, spl = np.nan, 0.0
         if reached.any():
-            ratios = steps[reached] / self.fewest_steps()[reached]
-            ratio, spl = float(ratios.mean()), float((1.0 / np.maximum(ratios, 1.0)).sum())
+            fewest = self.fewest_steps()
+            finite = reached & np.isfinite(fewest)
+            ratio = float((steps[finite] / fewest[finite]).mean()) if finite.any() else np.nan
+            valid = finite & (steps <= self.steps)
+            spl = float((fewest[valid] / np.maximum(steps, fewest)[valid]).sum())
         collisions = int(sum(run.collided.sum() for run in replays))
         return Score(self.scenes, int(reached.sum()), collisions, ratio, spl / self.scenes)
 
@@ -383,10 +384,8 @@ class UnknownGridNavigation(Model[NavigationRuns]):
         allowed = actions_of(self)
         for k, run in enumerate(plan.actions):
             if wrong := run.strip(allowed):
-                raise InvalidData(
-                    f"actions[{k}] must have the letters {', '.join(allowed)} of this model, got {show(wrong[0])}",
-                    field="actions",
-                )
+                text = f"have the letters {', '.join(allowed)} of this model, got {show(wrong[0])}"
+                raise InvalidData(f"actions[{k}] must {text}", field="actions")
         return plan
 
     def describe(self) -> str:

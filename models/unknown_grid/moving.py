@@ -140,7 +140,7 @@ def spread_in_time(
                 for m in range(tracks.shape[1]):
                     same_middle = tracks[t, m] + tracks[t + 1, m] == here + there
                     collides = collides or same_middle or tracks[t + 1, m] == there
-                # A vehicle that collides remains in its cell, where it can also wait with at most one collision.
+                # Waiting ends in the same cell as a step with a collision, and has at most one collision.
                 if (waits or not collides) and hits[cell] + collides < after[to]:
                     after[to], taken[t, to] = hits[cell] + collides, action
         hits = after

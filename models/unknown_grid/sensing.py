@@ -55,23 +55,9 @@ def sense(
 ) -> Cells:  # fmt: skip
     """Return the readings of the sensor in the views of n scenes, shape (n, rows, columns).
 
-    Parameters
-    ----------
-    model : Scenes
-        Model with its hidden fields.
-    tracks : ndarray of int, shape (k, moving, steps + 1, 2)
-        Cells of the moving obstacles in all scenes.
-    scenes, taken : ndarray of int, shape (n,)
-        Indices of the scenes, and numbers of steps so far.
-    vehicles, corners : ndarray of int, shape (n, 2)
-        Cells of the vehicles, and first cells of the views.
-    views : ndarray of int, shape (n, rows, columns)
-        True cells of the maps: ``FREE``, ``BLOCKED`` (also outside the map) or ``TARGET``.
-    exact : bool
-        Whether to omit the wrong readings.
+    `tracks` are those of all scenes, `taken` the numbers of steps so far, `vehicles` their cells, `corners` the
+    first cells of the views, and `views` the true cells. If `exact`, no reading is wrong.
 
-    Notes
-    -----
     A moving obstacle appears blocked and hides the target. Occluded cells of the map are ``UNKNOWN``. The cell of
     the vehicle is never wrong, nor is ``TARGET``. The random number of a reading depends on seed, scene, number of
     steps and cell, so a repeated run yields equal readings.

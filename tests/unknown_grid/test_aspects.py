@@ -221,6 +221,11 @@ def test_success_weighted_by_path_length():
         ["S.T"], view=(3, 3), steps=9, moving=1, tracks=[[[[0, 1], [0, 2], [0, 2], [0, 2], [0, 1]]]]
     )
     assert moving.fewest_steps().tolist() == [np.inf]  # the obstacle always returns
+    runs = NavigationRuns(("WWWWWWWWWWWRR",), ("reached",))  # more steps than allowed
+    gap = dataclasses.replace(moving, tracks=[[[[0, 1]] * 12 + [[0, 2]] * 9]])
+    with np.errstate(all="raise"):
+        score = gap.score(runs)
+    assert score.spl == 0.0
     eight = drawn(OPEN, view=(3, 3), connectivity="8")
     assert eight.score(NavigationRuns(("RRRRDDDD",), ("reached",))).spl == pytest.approx(0.5)
 
