@@ -261,15 +261,5 @@ class World:
 
 def _named(actions: list[int]) -> str:
     """Return the allowed actions as text."""
-    names = (
-        "up",
-        "down",
-        "left",
-        "right",
-        "up left",
-        "up right",
-        "down left",
-        "down right",
-        "wait",
-    )
+    names = "up, down, left, right, up left, up right, down left, down right, wait".split(", ")
     return ", ".join(f"{action} ({names[action]})" for action in actions)
