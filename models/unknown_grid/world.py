@@ -261,5 +261,7 @@ class World:
 
 def _named(actions: list[int]) -> str:
     """Return the allowed actions as text."""
-    names = "up, down, left, right, up left, up right, down left, down right, wait".split(", ")
+    names = (
+        "up", "down", "left", "right", "up left", "up right", "down left", "down right", "wait",
+    )  # fmt: skip
     return ", ".join(f"{action} ({names[action]})" for action in actions)
