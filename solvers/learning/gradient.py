@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
 from .trainer import Course, Trainer
 from .weights import Weights
 
@@ -145,31 +144,21 @@ class GradientTrainer(Trainer):
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         import torch
 
-        network = {
-            name.removeprefix("network."): array
-            for name, array in state.items()
-            if name.startswith("network.")
-        }
-        fill(self.network, Weights(self.kind, network))
-        parameters = list(self.network.parameters())
-        adam: dict[int, dict[str, torch.Tensor]] = {}
-        for name, array in state.items():
+        shapes = {f"network.{name}": array.shape for name, array in arrays_of(self.network).items()}
+        for number, parameter in enumerate(self.network.parameters()):
+            size = tuple(parameter.shape)
+            adam = {f"adam.{number}.{name}": size for name in ("exp_avg", "exp_avg_sq")}
+            # Adam has no state of a parameter that no epoch has trained.
+            if not adam.keys().isdisjoint(state):
+                shapes |= {**adam, f"adam.{number}.step": ()}
+        arrays = Weights(self.kind, state).fit(shapes)
+        parts: dict[str, dict[str, torch.Tensor]] = {"network": {}}
+        for name, array in arrays.items():
             part, _, rest = name.partition(".")
-            number, _, quantity = rest.partition(".")
-            if part != "adam":
-                continue
-            known = number.isdecimal() and int(number) < len(parameters)
-            shape = tuple(parameters[int(number)].shape) if known and quantity != "step" else ()
-            if (
-                not known
-                or quantity not in ("step", "exp_avg", "exp_avg_sq")
-                or array.shape != shape
-            ):
-                raise InvalidData(
-                    f"checkpoint of {self.kind}: {name} fits no parameter", field=name
-                )
-            adam.setdefault(int(number), {})[quantity] = torch.from_numpy(
-                np.array(array, np.float32)
-            )
+            if part == "adam":
+                part, _, rest = rest.partition(".")
+            parts.setdefault(part, {})[rest] = torch.from_numpy(array).reshape(shapes[name])
+        self.network.load_state_dict(parts.pop("network"), strict=False)
         groups = self.optimiser.state_dict()["param_groups"]
-        self.optimiser.load_state_dict({"state": adam, "param_groups": groups})
+        moments = {int(number): values for number, values in parts.items()}
+        self.optimiser.load_state_dict({"state": moments, "param_groups": groups})

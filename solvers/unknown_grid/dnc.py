@@ -68,9 +68,8 @@ class Interface(NamedTuple):
         from torch.nn import functional
 
         sizes = [heads * width, heads, width, 1, width, width, heads, 1, 1, 3 * heads]
-        keys, strengths, key, strength, erase, content, free, allocation, gate, modes = torch.split(
-            raw, sizes, dim=1
-        )
+        parts = torch.split(raw, sizes, dim=1)
+        keys, strengths, key, strength, erase, content, free, allocation, gate, modes = parts
         return cls(
             keys.reshape(-1, heads, width),
             1.0 + functional.softplus(strengths),
@@ -142,9 +141,8 @@ def read(record: Record, interface: Interface) -> Record:
     backward = record.attended @ record.links
     forward = record.attended @ record.links.transpose(1, 2)
     content = match(record.memory, interface.read_keys, interface.read_strengths)
-    attended = (torch.stack([backward, content, forward], dim=3) * interface.modes[:, :, None]).sum(
-        dim=3
-    )
+    weightings = torch.stack([backward, content, forward], dim=3)
+    attended = (weightings * interface.modes[:, :, None]).sum(dim=3)
     return record._replace(attended=attended, reads=attended @ record.memory)
 
 
@@ -166,9 +164,7 @@ def build_computer(
             self.controller = nn.LSTMCell(inputs + heads * width, units)
             self.interface = nn.Linear(units, heads * width + 3 * width + 5 * heads + 3)
             self.output = nn.Linear(units + heads * width, outputs)
-            with (
-                torch.no_grad()
-            ):  # the forget gate starts open, so that the LSTM keeps its state at first
+            with torch.no_grad():  # an open forget gate, so that the LSTM keeps its state at first
                 self.controller.bias_hh[units : 2 * units] = 1.0
 
         def start(self, count: int) -> Record:
@@ -179,8 +175,7 @@ def build_computer(
                 (heads, words),
                 (heads, width),
             ]
-            sizes += [(units,)] * 2
-            return Record(*(torch.zeros(count, *size) for size in sizes))
+            return Record(*(torch.zeros(count, *size) for size in [*sizes, (units,), (units,)]))
 
         def forward(self, inputs: Tensor, record: Record) -> tuple[Tensor, Record]:
             vector = torch.cat([inputs, record.reads.flatten(1)], dim=1)

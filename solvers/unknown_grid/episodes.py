@@ -44,21 +44,20 @@ Truths = NDArray[np.bool_]
 
 #: Options of all trainings by imitation.
 IMITATION: Mapping[str, Option] = {
-    "law": Option("walls", "the law that scenes are drawn from", str),
+    "law": Option(
+        "walls", "the law that scenes are drawn from, or several, separated by commas", str
+    ),
     "scenes": Option(192, "scenes of each task that an epoch is drawn from", int, lower=1),
     "batches": Option(40, "steps of Adam in an epoch", int, lower=1),
-    "batch": Option(256, "decisions of a batch", int, lower=1),
+    "batch": Option(
+        256, "decisions of a batch, or episodes of a network with memory", int, lower=1
+    ),
     "rate": Option(0.01, "the first learning rate", float, lower=0.0, upper=1.0),
     "judged": Option(128, "scenes of each task that an epoch is judged by", int, lower=1),
 }
+_PAPER = {"law": "paper", "batches": 200, "batch": 64, "rate": 1e-4, "judged": 64}
 #: Options of the trainings of the paper. The defaults are the values of Table II.
-EPISODES: Mapping[str, Option] = {
-    "law": replace(IMITATION["law"], default="paper"),
-    "batches": replace(IMITATION["batches"], default=200),
-    "batch": Option(64, "episodes of a batch", int, lower=1),
-    "rate": replace(IMITATION["rate"], default=1e-4),
-    "judged": replace(IMITATION["judged"], default=64),
-}
+EPISODES = {name: replace(IMITATION[name], default=value) for name, value in _PAPER.items()}
 #: Entries of an array above which it is rounded.
 _LARGE = 10_000
 

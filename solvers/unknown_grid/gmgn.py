@@ -87,15 +87,9 @@ def build_network(channels: int = 32, inner: int = 64, cells: int = 24) -> torch
         """Residual bottleneck block that may halve or double the resolution."""
 
         def __init__(
-            self,
-            inputs: int,
-            outputs: int,
-            *,
-            dilation: int = 1,
-            long: int = 0,
-            halves: bool = False,
-            doubles: bool = False,
-        ) -> None:
+            self, inputs: int, outputs: int, *, dilation: int = 1, long: int = 0,
+            halves: bool = False, doubles: bool = False,
+        ) -> None:  # fmt: skip
             super().__init__()
             few, size = outputs // 4, 2 if halves else 1
             first = block(inputs, few, size, stride=size)
@@ -216,7 +210,6 @@ class GmgnTrainer(GradientTrainer):
 
     def loss(self, batch: int, generator: np.random.Generator) -> torch.Tensor:
         """Return the cross-entropy of pixels in the first stage, and of cells in the others."""
-        import torch
         from torch.nn import functional
 
         share = np.array(list(VIEWS.values()), float)
@@ -231,23 +224,19 @@ class GmgnTrainer(GradientTrainer):
         entropy = functional.binary_cross_entropy_with_logits
         if self._stage:
             return entropy(logits, cells)
-        rows, columns = (
-            torch.from_numpy(((np.arange(PIXELS) + 0.5) * side / PIXELS).astype(np.int64))
-            for side in view
+        size = (PIXELS, PIXELS)
+        return entropy(
+            pixels, functional.interpolate(cells[:, None], size, mode="nearest-exact")[:, 0]
         )
-        return entropy(pixels, cells[:, rows][:, :, columns])
 
     def judge(self) -> Mapping[str, float]:
         """Return the accuracy of cells per law in the paper's views, and of whole maps in the hard law."""
         correct: dict[Rendering, list[Truths]] = {law: [] for law in Rendering}
         for (view, law), (images, cells) in self._judged().items():
             logits, _ = self.network(images, view)
-            correct[law] += [
-                ((logit > 0) == (true > 0.5)).numpy()
-                for logit, true in zip(logits, cells, strict=True)
-            ]
+            correct[law] += list(((logits > 0) == (cells > 0.5)).numpy())
         shares = {
-            str(law): float(np.concatenate([cells.ravel() for cells in maps]).mean())
+            str(law): float(np.mean(np.concatenate(maps, axis=None)))
             for law, maps in correct.items()
         }
         maps = [cells.all() for cells in correct[Rendering.HARD]]

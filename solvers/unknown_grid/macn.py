@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from .memory import Observation
 
-__all__ = ["ARCHITECTURE", "First", "Second", "build_network", "combine"]
+__all__ = ["ARCHITECTURE", "First", "build_network", "combine"]
 
 #: Side of the canvas in cells, and the sizes of Table II.
 ARCHITECTURE: dict[str, Any] = {
@@ -94,13 +94,6 @@ class First:
 
     ARCHITECTURE = ARCHITECTURE
     build_network = staticmethod(partial(build_network, reads_map=True))
-
-
-class Second:
-    """MCGN-II."""
-
-    ARCHITECTURE = value_iteration.ARCHITECTURE
-    build_network = staticmethod(value_iteration.build_network)
 
 
 def combine(first: torch.nn.Module, second: torch.nn.Module) -> torch.nn.Module:

@@ -40,7 +40,7 @@ NETWORKS: dict[str, Any] = {
     "vin": value_iteration,
     "macn": macn,
     "mcgn-1": macn.First,
-    "mcgn-2": macn.Second,
+    "mcgn-2": value_iteration,
     "gmgn": gmgn,
 }
 

@@ -55,13 +55,9 @@ def build_network(channels: int = 12, window: int = 5) -> torch.nn.Module:
             costs = functional.softplus(self.cost(functional.relu(self.reading(planes))))[:, 0]
             values = functional.pad(_values(costs, *masks[::3]), (1, 1, 1, 1), value=_LOWEST)
             every, (down, across) = torch.arange(len(values)), observed.positions.T
-            worth = [
-                (down, across + 1),
-                (down + 2, across + 1),
-                (down + 1, across),
-                (down + 1, across + 2),
-            ]
-            after = torch.stack([values[every, *place] for place in worth], dim=1)
+            worth = [values[every, down + 2 * side, across + 1] for side in (0, 1)]
+            worth += [values[every, down + 1, across + 2 * side] for side in (0, 1)]
+            after = torch.stack(worth, dim=1)
             return self.sharpness * (after - after.amax(dim=1, keepdim=True)), None
 
     def _values(costs: torch.Tensor, blocked: torch.Tensor, target: torch.Tensor) -> torch.Tensor:

@@ -16,7 +16,7 @@ from crosstrack.solvers.learning.gradient import arrays_of  # noqa: E402
 from crosstrack.solvers.learning.trainer import Course, one_thread  # noqa: E402
 from crosstrack.solvers.learning.training import find_training  # noqa: E402
 from crosstrack.solvers.learning.weights import Weights, read_weights, write_weights  # noqa: E402
-from crosstrack.solvers.unknown_grid import macn  # noqa: E402
+from crosstrack.solvers.unknown_grid import macn, value_iteration  # noqa: E402
 from crosstrack.solvers.unknown_grid.dnc import (  # noqa: E402
     Interface,
     Record,
@@ -345,7 +345,7 @@ def test_the_expert_leads_and_its_first_action_is_learned():
 
 
 def trainer(name, seed):
-    module, part = NETWORKS.get(name, (macn.Second, 2))
+    module, part = NETWORKS.get(name, (value_iteration, 2))
     asked = {key: one.default for key, one in find_training(name).options.items()}
     asked |= {"batch": 16, "batches": 8 if part < 2 else 40, "rate": 0.01}
     torch.manual_seed(seed)
@@ -409,7 +409,8 @@ def test_sizes_are_those_of_the_paper(name):
     assert shapes["computer.controller.weight_ih"] == (1024, 2 * 17 * 17 + 4 * 8)
     assert shapes["computer.interface.weight"] == (4 * 8 + 3 * 8 + 5 * 4 + 3, 256)
     assert shapes["computer.output.weight"] == (4, 256 + 4 * 8)
-    assert macn.First.ARCHITECTURE["iterations"] == macn.Second.ARCHITECTURE["iterations"] == 30
+    assert macn.First.ARCHITECTURE["iterations"] == 30
+    assert value_iteration.ARCHITECTURE["iterations"] == 30
     assert shipped_weights(name).stat().st_size < 1_000_000
 
 

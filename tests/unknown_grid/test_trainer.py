@@ -20,7 +20,7 @@ SMALL = {"hidden": 3, "iterations": 4, "units": 8, "words": 4, "width": 3, "head
 @pytest.fixture
 def small(monkeypatch):
     """Replace sizes of networks, and the constants of the perception's training, by small ones."""
-    for module in (value_iteration, macn, macn.First, macn.Second):
+    for module in (value_iteration, macn, macn.First):
         sizes = {key: SMALL.get(key, size) for key, size in module.ARCHITECTURE.items()}
         monkeypatch.setattr(module, "ARCHITECTURE", sizes)
     monkeypatch.setattr(gmgn, "ARCHITECTURE", {"channels": 16, "inner": 16, "cells": 4})
