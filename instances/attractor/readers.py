@@ -146,9 +146,7 @@ def _columns(sheet: Sheet, times: list[int], wanted: str | None) -> list[int]:
         return [_values(sheet, times, wanted)]
     places = [_values(sheet, times, name) for name in wanted.split(",")]
     if len(set(places)) < len(places):
-        raise InvalidData(
-            f"{sheet.where}: columns must differ, got {show(wanted)}", field="column"
-        )
+        raise InvalidData(f"{sheet.where}: columns must differ, got {show(wanted)}", field="column")
     return places
 
 

@@ -11,7 +11,15 @@ from ..declaration import Declared, Nested, Plan
 from ..fields import NumberTuple, Optional, Real, Whole, declared, show
 from ..records import Member
 
-__all__ = ["AttractorEstimate", "Judgement", "Measures", "Method", "Slope", "Spectrum", "SurrogateTest"]
+__all__ = [
+    "AttractorEstimate",
+    "Judgement",
+    "Measures",
+    "Method",
+    "Slope",
+    "Spectrum",
+    "SurrogateTest",
+]
 
 
 class Method(StrEnum):

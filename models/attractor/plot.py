@@ -126,7 +126,11 @@ def _parts(
         values = ", ".join(kit.number(value, 3) for value in spectrum.values)
         parts.append(f"λ = {values} nats/s ({spectrum.resolved} resolved)")
         if (dimension := spectrum.kaplan_yorke) is not None:
-            parts.append("Kaplan-Yorke dimension {} ± {}".format(*(kit.number(x, 2 + (x == dimension[0])) for x in dimension)))
+            parts.append(
+                "Kaplan-Yorke dimension {} ± {}".format(
+                    *(kit.number(x, 2 + (x == dimension[0])) for x in dimension)
+                )
+            )
     if result.objective is not None:
         truth = (model.true_exponent, model.true_dimension, model.chaotic)
         known = any(value is not None for value in truth)

@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 from .checks import FEW, WORK, Sample
 from .plan import Measures
 
-__all__ = ["CONSTANT", "DEGENERATE", "PART", "RANK", "SKIPPED", "exponents", "measures", "window_sizes"]
+__all__ = [
+    "CONSTANT",
+    "DEGENERATE",
+    "PART",
+    "RANK",
+    "SKIPPED",
+    "exponents",
+    "measures",
+    "step_limit",
+    "window_sizes",
+]
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +36,11 @@ PART = 4000
 RANK, DEGENERATE, CONSTANT = 1e-9, 1e-8, 1e-9
 
 
+def step_limit(states: Floats) -> int:
+    """Return the largest number of steps of a recomputed spectrum, limited by the differences of coordinates."""
+    return min(max(WORK // states.size, FEW), STEPS)
+
+
 def exponents(sample: Sample, step: int, neighbours: int, count: int) -> tuple[Floats, Floats]:
     """Return `count` exponents of the linear maps of neighbourhoods, in nats per step, and standard errors.
 
@@ -35,7 +50,7 @@ def exponents(sample: Sample, step: int, neighbours: int, count: int) -> tuple[F
     """
     states, last = sample.states, len(sample.states) - step
     chain = np.arange(0, last, step)
-    most = min(max(WORK // states.size, FEW), STEPS)
+    most = step_limit(states)
     is_whole, chain = len(chain) <= most, chain[:most]
     columns, clouds, frames = states[:last].T, [], []
     for i in chain.tolist():
@@ -52,7 +67,9 @@ def exponents(sample: Sample, step: int, neighbours: int, count: int) -> tuple[F
         frames.append(np.linalg.svd(offsets, full_matrices=False)[2][:count].T)
     axes, logs = np.eye(count), []
     for near, frame, ahead in zip(clouds[:-1], frames[:-1], frames[1:], strict=True):
-        now, later = (x - x.mean(axis=0) for x in (states[near] @ frame, states[near + step] @ ahead))
+        now, later = (
+            x - x.mean(axis=0) for x in (states[near] @ frame, states[near + step] @ ahead)
+        )
         axes, growth = np.linalg.qr(np.linalg.lstsq(now, later, rcond=RANK)[0].T @ axes)
         if np.abs(np.diag(growth)).min() < DEGENERATE:
             return np.full((2, count), np.nan)
@@ -142,7 +159,9 @@ def _memory(values: Floats) -> dict[str, float]:
     x = np.log(sizes)
     return {
         "hurst": float(np.polyfit(x, ranges, 1)[0]) + 0.5 if np.isfinite(ranges).all() else np.nan,
-        "fluctuation": float(np.polyfit(x, spreads, 1)[0]) if np.isfinite(spreads).all() else np.nan,
+        "fluctuation": float(np.polyfit(x, spreads, 1)[0])
+        if np.isfinite(spreads).all()
+        else np.nan,
     }
 
 

@@ -16,7 +16,14 @@ from ..contract.option import Option
 from .embedding import standardised
 from .native import EMBEDDING, AttractorBackend, Finding, embed, poll_of
 
-__all__ = ["SeriesMeasures", "line_lengths", "memory", "permutation_entropy", "recurrence", "sample_entropy"]
+__all__ = [
+    "SeriesMeasures",
+    "line_lengths",
+    "memory",
+    "permutation_entropy",
+    "recurrence",
+    "sample_entropy",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -39,7 +46,9 @@ def recurrence(states: Floats, theiler: int, radius: float) -> dict[str, Any]:
     if not first.size:
         return {"recurrence_rate": 0.0} if away > 0 else {}
     diagonals = line_lengths((second - first) * count + first)
-    columns = line_lengths(np.concatenate([first * (count + 1) + second, second * (count + 1) + first]))
+    columns = line_lengths(
+        np.concatenate([first * (count + 1) + second, second * (count + 1) + first])
+    )
     result: dict[str, Any] = {
         "recurrence_rate": first.size / (away * (away + 1) / 2),
         "determinism": diagonals[diagonals > 1].sum() / first.size,
@@ -63,7 +72,9 @@ def memory(series: Floats) -> dict[str, float]:
         parts = parts[np.ptp(parts, axis=1) > CONSTANT * np.ptp(series)]
         sums = np.cumsum(parts - parts.mean(axis=1, keepdims=True), axis=1)
         ratios = np.ptp(sums, axis=1) / parts.std(axis=1)
-        expected = np.sqrt(size / np.arange(1.0, size) - 1.0).sum() * beta((size - 1) / 2, 0.5) / np.pi
+        expected = (
+            np.sqrt(size / np.arange(1.0, size) - 1.0).sum() * beta((size - 1) / 2, 0.5) / np.pi
+        )
         ranges.append(ratios.mean() / expected if ratios.size else np.nan)
         rows = profile[: count * size].reshape(count, size)
         rows = rows - rows.mean(axis=1, keepdims=True)
@@ -100,10 +111,14 @@ class SeriesMeasures(AttractorBackend):
     """Backend for the measures of a series."""
 
     name = "measures"
-    summary = "recurrence quantification, permutation and sample entropy, Hurst exponent, fluctuation"
+    summary = (
+        "recurrence quantification, permutation and sample entropy, Hurst exponent, fluctuation"
+    )
     options: ClassVar[dict[str, Option]] = {
         **EMBEDDING,
-        "radius": Option(0.2, "distance of recurrent states, in deviations of the series", lower=1e-9),
+        "radius": Option(
+            0.2, "distance of recurrent states, in deviations of the series", lower=1e-9
+        ),
         "order": Option(4, "number of values of an ordinal pattern", int, lower=2, upper=8),
     }
 
@@ -122,4 +137,6 @@ class SeriesMeasures(AttractorBackend):
         result = Measures(radius, options["order"], **defined)
         missing = [x.replace("_", " ") for x, y in result.data().items() if y is None]
         message = f"undefined for this series and radius: {', '.join(missing)}" if missing else ""
-        return Finding(embedding.plan(measures=result), {"samples of recurrence": len(states)}, message)
+        return Finding(
+            embedding.plan(measures=result), {"samples of recurrence": len(states)}, message
+        )

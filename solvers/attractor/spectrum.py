@@ -4,7 +4,7 @@ Sources: M. Sano and Y. Sawada, "Measurement of the Lyapunov spectrum from a cha
 Review Letters 55, 1985; J.-P. Eckmann, S. O. Kamphorst, D. Ruelle and S. Ciliberto, "Liapunov exponents from
 time series", Physical Review A 34, 1986. Exponents that only the embedding has are removed by a projection on
 the directions of the attractor (A. G. Darbyshire and D. S. Broomhead, Physica D 89, 1996), whose number
-follows here from a test of curvature.
+follows here from the extents of neighbourhoods.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import Spectrum
-from ...models.attractor.recomputed import DEGENERATE, RANK, SKIPPED
+from ...models.attractor.recomputed import DEGENERATE, RANK, SKIPPED, step_limit
 from ..contract.backend import Request
 from ..contract.option import Option
 from .native import EMBEDDING, AttractorBackend, Finding, embed, poll_of
@@ -31,11 +31,13 @@ Ints = NDArray[np.int64]
 
 #: Largest number of reference states of a spectrum, and of the test of curvature.
 MOST, TESTED = 10_000, 300
-#: Neighbours per unknown of a linear map, and of the test of curvature.
-PER_UNKNOWN, PER_TERM = 3, 4
-#: Share of the variance of a direction that curvature explains if the direction is not resolved. Measured: below
-#: 0.02 for resolved directions, above 0.85 for others (Hénon, Lorenz, Rössler, torus, sine; 5,000 samples).
-CURVED = 0.5
+#: Number of visited pairs of states, which limits the references, but not below `SOME`, and references of its pilot.
+WORK, PILOT, SOME = 50_000_000, 50, 500
+#: Neighbours per unknown of a linear map, and of the test of directions.
+PER_UNKNOWN, CLOUD = 3, 12
+#: Growth of the extent of a direction with four times the neighbours relative to that of the first direction:
+#: 0 for noise, 1 for a direction of the attractor, 2 for curvature; and smallest growth of the first, in nats.
+NOISE, SQUARE, LOCAL = 0.6, 1.8, 0.05
 #: Largest number of directions, and parts of the orbit for the standard error.
 DIRECTIONS, PARTS = 6, 10
 #: Extent of a direction relative to that of the states which is due to rounding.
@@ -64,7 +66,10 @@ class Tangents(NamedTuple):
         NaN if a map is degenerate.
         """
         axes = np.swapaxes(frames[:, :count], 1, 2)
-        now, later = self.states[self.neighbours[:-1]], self.states[self.neighbours[:-1] + self.step]
+        now, later = (
+            self.states[self.neighbours[:-1]],
+            self.states[self.neighbours[:-1] + self.step],
+        )
         now, later = now @ axes[:-1], later @ axes[1:]
         now, later = (x - x.mean(axis=1, keepdims=True) for x in (now, later))
         maps = np.swapaxes(np.linalg.pinv(now, rcond=RANK) @ later, 1, 2)
@@ -81,46 +86,46 @@ class Tangents(NamedTuple):
         return logs.mean(axis=0)[order], error[order]
 
 
-def tangents(states: Floats, theiler: int, step: int, count: int, most: int = MOST) -> Tangents | None:
+def tangents(
+    states: Floats, theiler: int, step: int, count: int, most: int = MOST
+) -> Tangents | None:
     """Return the `count` neighbours of states `step` samples apart; None if a state has fewer."""
     last = len(states) - step
     ordered, times, places = order_states(np.ascontiguousarray(states[:last]))
     chain = np.arange(0, last, step)[:most]
+    visits = nearest_states(ordered, times, places[chain[:PILOT]], theiler, count, False)[2]
+    chain = chain[: max(WORK * PILOT // max(visits, 1), SOME, step_limit(states))]
     which = nearest_states(ordered, times, places[chain], theiler, count, False)[0]
-    return None if len(chain) < 2 * PARTS or (which < 0).any() else Tangents(states, chain, which, step)
+    return (
+        None
+        if len(chain) < 2 * PARTS or (which < 0).any()
+        else Tangents(states, chain, which, step)
+    )
 
 
 def resolved_directions(states: Floats, theiler: int, step: int) -> int:
     """Return the number of directions of the attractor that its neighbourhoods resolve.
 
-    Neighbours on a smooth surface extend beyond it by its curvature: their coordinate along a further
-    direction is a quadratic function of those along the surface. Such directions, and those that extend no
-    further than rounding, are not resolved.
+    The extent of a neighbourhood along the attractor is proportional to its radius. Beyond a smooth surface
+    it extends by curvature, which grows with the square of the radius, or by noise, which does not grow. Such
+    directions are not resolved.
     """
-    most = min(states.shape[1], DIRECTIONS)
-    terms = 1 + most * (most - 1) // 2
-    count = max(min(PER_TERM * terms, len(states) // 8), 2 * states.shape[1])
+    count = CLOUD * (states.shape[1] + 1)
     near = tangents(states, theiler, step, count, TESTED)
     if near is None:
         return 0
-    clouds = states[near.neighbours]
-    clouds = clouds - clouds.mean(axis=1, keepdims=True)
-    along, sizes, _ = np.linalg.svd(clouds, full_matrices=False)
+    extents = []
+    for number in (count // 4, count):
+        cloud = states[near.neighbours[:, :number]]
+        cloud = cloud - cloud.mean(axis=1, keepdims=True)
+        sizes = np.linalg.svd(cloud, compute_uv=False) / math.sqrt(number)
+        extents.append(np.median(sizes, axis=0)[:DIRECTIONS])
     floor = ROUNDING * float(np.ptp(states, axis=0).max())
-    for k in range(most):
-        if np.median(sizes[:, k]) <= floor:
-            return k
-        columns = [along[..., i] * along[..., j] for i in range(k) for j in range(i + 1)]
-        unknowns = len(columns) + 1
-        if k and 2 * unknowns > count:
-            return k
-        rows = np.stack([np.full(along.shape[:2], 1.0 / count), *columns], axis=2)
-        y = along[..., k : k + 1]
-        left = y - rows @ (np.linalg.pinv(rows) @ y)
-        share = (left**2).sum(axis=(1, 2)) * (count - 1) / (count - unknowns)
-        if k and 1 - np.median(share) > CURVED:
-            return k
-    return most
+    if not extents[1][0] > math.exp(LOCAL) * extents[0][0] > floor:
+        return 0
+    growth = np.log(np.maximum(extents[1], floor) / np.maximum(extents[0], floor))
+    is_resolved = (growth > NOISE * growth[0]) & (growth < SQUARE * growth[0])
+    return len(growth) if is_resolved.all() else int(is_resolved.argmin())
 
 
 class LyapunovSpectrum(AttractorBackend):
@@ -135,13 +140,21 @@ class LyapunovSpectrum(AttractorBackend):
         ),
         "neighbours": Option(None, "neighbours of a map; by default 3 per unknown", int, lower=2),
         "exponents": Option(
-            None, "number of exponents; by default by a test of curvature", int, lower=1, upper=DIRECTIONS
+            None,
+            "number of exponents; by default from the extents of neighbourhoods",
+            int,
+            lower=1,
+            upper=DIRECTIONS,
         ),
     }
 
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
         """Compute the exponents, and their spread over numbers of neighbours and embeddings."""
-        poll, options, embedding = poll_of(request), request.options, embed(problem, request.options)
+        poll, options, embedding = (
+            poll_of(request),
+            request.options,
+            embed(problem, request.options),
+        )
         states = problem.states(embedding.delay, embedding.dimension)
         width = states.shape[1]
         neighbours = options["neighbours"] or PER_UNKNOWN * (width + 1)
@@ -150,7 +163,11 @@ class LyapunovSpectrum(AttractorBackend):
         poll()
         result = _fit(states, embedding.theiler, step, neighbours, resolved, options["exponents"])
         if result is None:
-            return Finding(embedding.plan(), {}, "no spectrum: states have too few distinct neighbours")
+            return Finding(
+                embedding.plan(),
+                {},
+                "no spectrum: states have too few distinct neighbours, or none that are near",
+            )
         values, errors = result
         count = len(values)
         squares, others = errors**2, 0
@@ -171,14 +188,18 @@ class LyapunovSpectrum(AttractorBackend):
         deviations[resolved:] = np.maximum(deviations[resolved:], np.abs(values[resolved:]))
         rate = 1.0 / (step * problem.period)
         spectrum = Spectrum(
-            tuple((values * rate).tolist()), tuple((deviations * rate).tolist()), resolved, neighbours, step
+            tuple((values * rate).tolist()),
+            tuple((deviations * rate).tolist()),
+            resolved,
+            neighbours,
+            step,
         )
         figures = {"resolved directions": resolved, "other fits": others}
         message = ""
         if resolved < count:
             message = (
-                f"exponents after the first {resolved} are orders of magnitude: neighbours lie on a curved "
-                "sheet in their directions"
+                f"exponents after the first {resolved} are orders of magnitude: the extent of "
+                "neighbourhoods in their directions is that of curvature or noise"
             )
         return Finding(embedding.plan(spectrum=spectrum), figures, message)
 
