@@ -325,7 +325,7 @@ def prepare(
         option ``history`` of :class:`~crosstrack.solvers.sideslip.OnlineFilter`.
     backend : str
         Backend that uses CasADi: ``"ipopt"``, ``"sqpmethod"`` …; see :func:`crosstrack.backends`. For
-        a sideslip model ``"kalman-filter"``.
+        a sideslip model ``"kalman-filter"`` or ``"unscented-filter"``.
     formulation : str, optional
         Name of the transcription; by default that of the problem.
     mesh : Solution, ControlPlan, Mesh or sequence of float, optional

@@ -17,8 +17,10 @@ from ...models.sideslip.dynamics import parameters
 from ...models.sideslip.model import SideslipEstimation
 from .gates import WINDOWS
 from .mismatch import ERRORS
-from .online_kernels import Pair, Track, kalman_sample
+from .online_kernels import Cloud, Pair, Track, kalman_sample, unscented_sample
 from .passes import largest_variance, noise_variances
+from .unscented import setting_of
+from .unscented_kernels import SIZE
 
 __all__ = ["OnlineEstimate", "OnlineFilter", "prepare_sideslip"]
 
@@ -46,23 +48,28 @@ class OnlineEstimate(NamedTuple):
         Angle and its standard deviation, rad.
     contradiction : float
         Difference from kinematics (rad) that widens the deviation; 0 without a contradiction.
+    grip_lost : bool
+        True while an axle slides, according to ``unscented-filter``.
     """
 
     sideslip: float
     deviation: float
     contradiction: float
+    grip_lost: bool
 
 
 class OnlineFilter:
-    """Kalman filter that follows a drive sample by sample; created by :func:`crosstrack.prepare`.
+    """Filter that follows a drive sample by sample; created by :func:`crosstrack.prepare`.
 
-    Angle, covariance and deviation equal those of the backend ``kalman-filter`` on the same samples. The
-    object can be pickled at any time.
+    Angle, covariance and deviation equal those of the backend on the same samples. The object can be
+    pickled at any time.
 
     Parameters
     ----------
     model : SideslipEstimation
         Vehicle, noise and initial state. Its recording is not read.
+    backend : {"kalman-filter", "unscented-filter"}
+        Filter.
     history : float, default 0
         Seconds by which a sample may be late. The filter then runs again over the samples since, which
         takes as long as they took. With 0 late samples are refused.
@@ -73,42 +80,52 @@ class OnlineFilter:
         The history is negative or not finite.
     """
 
-    def __init__(self, model: SideslipEstimation, history: float = 0.0) -> None:
+    def __init__(self, model: SideslipEstimation, backend: str, history: float = 0.0) -> None:
         self._history = Real(0.0).coerce("history", history, {})
         jit.compile_always()
-        initial = np.concatenate([model.initial, model.initial_deviation**2])
+        self._backend, self._sensors = backend, noise_variances(model)[[2, 3, 0]]
         self._most = largest_variance(model)
-        self._constants = parameters(model.vehicle), noise_variances(model), initial
+        if backend == "kalman-filter":
+            initial = np.concatenate([model.initial, model.initial_deviation**2])
+            arrays: list[Any] = [*map(np.zeros, _SHAPES), np.zeros(2, bool), np.zeros(1, np.int8)]
+            self._start: Any = Pair._make(
+                [*arrays, parameters(model.vehicle), noise_variances(model), initial]
+            )
+        else:
+            *constants, initial = setting_of(model)
+            arrays = [np.zeros(shape) for shape in (1, 1, 1, 2, (2, SIZE), (2, SIZE, SIZE), 2)]
+            self._start = Cloud._make(
+                [*arrays, *constants, initial[:, 0].copy(), np.diag(initial[:, 1])]
+            )
+            self._most = math.sqrt(self._most)
         self.reset()
         self.update((0.0, 10.0, 0.0, 0.0, 0.0))  # loads the compiled code
         self.reset()
 
     def reset(self) -> None:
         """Forget all samples: the next one is the first of a drive."""
-        vehicle, noise, initial = self._constants
-        arrays: list[Any] = [*map(np.zeros, _SHAPES), np.zeros(2, bool), np.zeros(1, np.int8)]
-        self._pair = Pair._make([*arrays, vehicle, noise, initial])
+        self._filter = _copied(self._start)
         row, places = np.zeros((_ROOM, 10)), np.zeros((_ROOM, 1 + len(WINDOWS)), int)
         columns: list[Any] = [column.copy() for column in row.T]
         columns[1:1] = [np.zeros(_ROOM, bool)]
         columns[8:8] = [places[:, 1:].copy(), places[:, 0].copy()]
         counts = np.zeros(2 + len(WINDOWS), int)
-        self._track = Track._make(
-            [*columns, np.zeros(_ROOM), np.zeros(6), counts, noise[[2, 3, 0]]]
-        )
+        self._track = Track._make([*columns, np.zeros(_ROOM), np.zeros(6), counts, self._sensors])
         self._time, self._inputs = -math.inf, (math.nan, math.nan)
         self._samples: list[tuple[float, ...]] = []
         self._saved: list[tuple[Any, ...]] = [self._snapshot()] * 2 if self._history else []
 
     @property
     def state(self) -> Floats:
-        """Angle (rad) and yaw rate (rad/s) at the newest sample, shape (2,)."""
-        return np.array(self._pair.filtered[1])
+        """State at the newest sample: angle (rad), yaw rate (rad/s), and the further ones of ``unscented-filter``."""
+        return np.array(self._filter.filtered[1])
 
     @property
     def covariance(self) -> Floats:
-        """Covariance of :attr:`state` by the model, shape (2, 2), before :attr:`OnlineEstimate.deviation` is widened."""
-        return np.array(self._pair.covariance[1])
+        """Covariance of :attr:`state` by the model, before the deviation of the angle is widened."""
+        if isinstance(self._filter, Cloud):
+            return np.array(self._filter.root[1] @ self._filter.root[1].T)
+        return np.array(self._filter.covariance[1])
 
     def update(self, sample: Sequence[float]) -> OnlineEstimate:
         """Return the estimate after a further sample.
@@ -154,18 +171,9 @@ class OnlineFilter:
                 self._samples = [entry for entry in self._samples if entry[0] > self._saved[0][0]]
             self._samples.append(values)
         self._time, self._inputs = time, (speed, steering)
-        found = kalman_sample(
-            first,
-            time,
-            speed,
-            steering,
-            yaw_rate,
-            acceleration,
-            self._most,
-            self._pair,
-            self._track,
-        )
-        return OnlineEstimate(*found)
+        step = kalman_sample if self._backend == "kalman-filter" else unscented_sample
+        data = time, speed, steering, yaw_rate, acceleration
+        return OnlineEstimate(*step(first, *data, self._most, self._filter, self._track))
 
     def _checked(self, sample: Sequence[float]) -> tuple[float, float, float, float, float]:
         """Return the values of a sample, or raise if one is out of range."""
@@ -215,14 +223,18 @@ class OnlineFilter:
         track = self._track._replace(
             state=self._track.state.copy(), counts=self._track.counts.copy()
         )
-        return self._time, self._inputs, Pair(*(array.copy() for array in self._pair)), track
+        return self._time, self._inputs, _copied(self._filter), track
 
     def _restore(self, snapshot: tuple[Any, ...]) -> None:
-        self._time, self._inputs, self._pair, self._track = snapshot
-        self._time, self._inputs, self._pair, self._track = self._snapshot()
+        self._time, self._inputs, self._filter, self._track = snapshot
+        self._time, self._inputs, self._filter, self._track = self._snapshot()
 
     def __repr__(self) -> str:
-        return f"<OnlineFilter kalman-filter at {self._time:g} s>"
+        return f"<OnlineFilter {self._backend} at {self._time:g} s>"
+
+
+def _copied(arrays: Any) -> Any:
+    return arrays._make(array.copy() for array in arrays)
 
 
 def _compacted(track: Track) -> Track:
@@ -251,9 +263,9 @@ def prepare_sideslip(
         raise UnsupportedOption(
             f"prepare accepts the option history for a sideslip model, got {', '.join(options)}"
         )
-    if backend != "kalman-filter":
+    if backend not in ("kalman-filter", "unscented-filter"):
         raise UnsupportedOption(
-            f"prepare takes the backend 'kalman-filter' for a sideslip model, got {show(backend)}: others "
-            "use later samples, solve programs or learn"
+            "prepare takes the backends 'kalman-filter' and 'unscented-filter' for a sideslip model, got "
+            f"{show(backend)}: others use later samples, solve programs or learn"
         )
-    return OnlineFilter(model, history)
+    return OnlineFilter(model, backend, history)

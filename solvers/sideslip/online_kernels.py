@@ -13,8 +13,9 @@ from ...models.sideslip.data import LOW_SPEED, UNKNOWN
 from .gates import BIASES, WINDOWS, gate_path
 from .kalman_kernels import filter_path
 from .mismatch import MEMORY, fit_errors, leave_marks
+from .unscented_kernels import is_sliding, unscented_step
 
-__all__ = ["Pair", "Track", "gate_sample", "kalman_sample"]
+__all__ = ["Cloud", "Pair", "Track", "gate_sample", "kalman_sample", "unscented_sample"]
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -28,6 +29,11 @@ Pair = namedtuple(
     "Pair",
     "times speed steering data noise start predicted spread filtered covariance innovations innovation_spread step "
     "shift slope level before marks terms after sums scale error usable flag vehicle declared initial",
+)
+#: The same for the unscented filter, whose `begin` is the root of the initial covariance.
+Cloud = namedtuple(
+    "Cloud",
+    "times speed steering data filtered root sums vehicle loads noise drift initial begin",
 )
 #: Arguments of :func:`~crosstrack.solvers.sideslip.gates.gate_path` for the samples since the longest window began.
 #: `counts` has the number of samples, the first one after the last halt, and the first one of each window; `sensors`
@@ -43,8 +49,8 @@ Track = namedtuple(
 def kalman_sample(
     first: bool, time: float, speed: float, steering: float, yaw_rate: float, acceleration: float,
     most: float, pair: Pair, track: Track,
-) -> tuple[float, float, float]:  # fmt: skip
-    """Return angle and deviation (rad) at a new sample, and its contradiction by kinematics (rad).
+) -> tuple[float, float, float, bool]:  # fmt: skip
+    """Return angle and deviation (rad) at a new sample, its contradiction by kinematics (rad), and False.
 
     Measurements are NaN if they are missing. `first` starts the filter. The arrays of `pair` and
     `track` are updated.
@@ -91,9 +97,51 @@ def kalman_sample(
         marks[j] = marks[j] if abs(marks[j]) < math.inf else 0.0
     fit_errors(pair.marks, pair.sums, pair.scale, pair.error)
     variance = pair.scale[1] * max(pair.covariance[1, 0, 0], 0.0) + pair.error[1] * pair.error[1]
-    return gate_sample(
+    angle, deviation, apart = gate_sample(
         time, speed, yaw_rate, acceleration, pair.filtered[1, 0], math.sqrt(variance), track
     )
+    return angle, deviation, apart, False
+
+
+@kernel
+def unscented_sample(
+    first: bool, time: float, speed: float, steering: float, yaw_rate: float, acceleration: float,
+    most: float, cloud: Cloud, track: Track,
+) -> tuple[float, float, float, bool]:  # fmt: skip
+    """Do the same as :func:`kalman_sample` with the unscented filter; return True if an axle slides."""
+    x, root = cloud.filtered, cloud.root
+    before, u, delta, size = cloud.times[0], cloud.speed[0], cloud.steering[0], math.inf
+    x[0], root[0] = x[1], root[1]
+    moving = speed >= LOW_SPEED
+    cloud.data[0] = yaw_rate if moving else math.nan
+    cloud.data[1] = acceleration if moving else math.nan
+    square, count = 0.0, 0.0
+    if first:
+        cloud.sums[:] = 0.0
+        before = time
+    else:
+        square, count = unscented_step(
+            x[0], root[0], cloud.data, time - before, u, speed - u, delta, steering - delta,
+            cloud.vehicle, cloud.loads, cloud.noise, cloud.drift, x[1], root[1],
+        )  # fmt: skip
+        size = 0.0
+        for j in range(x.shape[1]):
+            size += abs(x[1, j]) + abs(root[1, j, j])
+    if not (size < math.inf and root[1, 0, 0] < most):
+        square, count = unscented_step(
+            cloud.initial, cloud.begin, cloud.data, 0.0, speed, 0.0, steering, 0.0,
+            cloud.vehicle, cloud.loads, cloud.noise, cloud.drift, x[1], root[1],
+        )  # fmt: skip
+    share = math.exp((before - time) / MEMORY)
+    cloud.times[0], cloud.speed[0], cloud.steering[0] = time, speed, steering
+    cloud.sums[0] = square + share * cloud.sums[0]
+    cloud.sums[1] = count + share * cloud.sums[1]
+    scale = max(cloud.sums[0] / max(cloud.sums[1], 1.0), 1.0)
+    angle, deviation, apart = gate_sample(
+        time, speed, yaw_rate, acceleration, x[1, 0], abs(root[1, 0, 0]) * math.sqrt(scale), track
+    )
+    slides = is_sliding(x[1], speed, steering, cloud.vehicle, cloud.loads)
+    return angle, deviation, apart, moving and slides
 
 
 @kernel

@@ -15,6 +15,7 @@ from crosstrack.instances.sideslip import generate
 from crosstrack.models.sideslip.data import UNKNOWN
 from crosstrack.solvers.sideslip import online
 from crosstrack.solvers.sideslip.kalman import KalmanFilter
+from crosstrack.solvers.sideslip.unscented import UnscentedFilter
 
 COLUMNS = ("times", "speed", "steering", "yaw_rate", "lateral_acceleration")
 
@@ -48,12 +49,25 @@ def test_all_numbers_are_those_of_the_backend(model, room, monkeypatch):
         covariance.append(estimator.covariance)
         assert estimator.state[0] == pytest.approx(result[-1].sideslip, abs=1.6)
     offline, states = answer(model, KalmanFilter), filtered(model)
-    angle, deviation, contradiction = np.array(result).T
+    angle, deviation, contradiction, _ = np.array(result).T
     np.testing.assert_allclose(angle, offline.point.sideslip, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(deviation, offline.point.deviation, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(covariance, states.filtered_covariance, rtol=1e-12, atol=1e-15)
     contradicted = offline.statistics.get("samples contradicted by kinematics", 0)
     assert np.count_nonzero(contradiction) == contradicted
+
+
+@pytest.mark.parametrize("model", MODELS, ids=["linear", "brush", "clean", "spin"])
+def test_the_unscented_filter_is_that_of_the_backend(model):
+    estimator = ct.prepare(model, "unscented-filter", history=0.2)
+    angle, deviation, _, slides = followed(estimator, samples(model)).T
+    offline = answer(model, UnscentedFilter)
+    np.testing.assert_allclose(angle, offline.point.sideslip, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(deviation, offline.point.deviation, rtol=1e-12, atol=1e-12)
+    assert bool(slides.any()) == bool(offline.point.grip_lost)
+    for name, value in zip(("inverse friction", "bank"), estimator.state[2:4], strict=True):
+        assert offline.statistics[name] == pytest.approx(value, rel=1e-12)
+    assert np.linalg.eigvalsh(estimator.covariance).min() > 0.0
 
 
 def test_the_gate_forgets_old_samples():
