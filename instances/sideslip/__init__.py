@@ -10,8 +10,10 @@ if TYPE_CHECKING:
     from .exports import write_sideslip_csv as write_sideslip_csv
     from .generator import generate as generate
     from .readers import read_recording as read_recording
+    from .vehicles import read_vehicle as read_vehicle, write_vehicle as write_vehicle
 
 CATALOGUE = {"sideslip": ".listing:catalogue_entries"}
+REFERENCES = {"sideslip": ".vehicles:resolve_references"}
 TABLE_FILES = {"sideslip": ".readers:table_file"}
 TABLE_COLUMNS = {
     "sideslip": {

@@ -37,6 +37,8 @@ _BIAS = 0.15
 _NOISE = 2.0
 #: Change of the angle (rad) over a drive by kinematics that is reported, beyond noise.
 _DRIFT = 0.1
+#: Range of the yaw rate, in deviations of its noise, of a vehicle that is steered.
+_TURNS = 20.0
 #: Speed (m/s) below which a vehicle is at rest, and smallest number of samples for a mean.
 _STANDS, _ENOUGH = 0.01, 10
 
@@ -61,7 +63,7 @@ def tells(text: str, where: str, **data: Any) -> Remark:
 def signal_remarks(model: SideslipEstimation) -> Iterator[Remark]:
     """Yield remarks on the recording and its agreement with the assumed vehicle and noise; the truth is not read."""
     yield from _sampling(model.recording)
-    yield from _stale(model.recording)
+    yield from _stale(model)
     yield from _rest(model)
     yield from _signs(model.recording)
     yield from _steering(model)
@@ -89,11 +91,15 @@ def _sampling(drive: Recording) -> Iterator[Remark]:
         )  # fmt: skip
 
 
-def _stale(drive: Recording) -> Iterator[Remark]:
+def _stale(model: SideslipEstimation) -> Iterator[Remark]:
     """Yield remarks on constant sensors and on repeated samples."""
+    drive = model.recording
     dead = [
         name for name in ("yaw_rate", "lateral_acceleration") if not np.ptp(getattr(drive, name))
     ]
+    # A vehicle that drives straight or in a circle has a constant steering angle, too.
+    if not np.ptp(drive.steering) and np.ptp(drive.yaw_rate) > _TURNS * model.yaw_rate_noise:
+        dead.append("steering")
     for name in dead:
         value = float(getattr(drive, name)[0])
         yield asks(f"{name} never changes: {value:g} at every sample", name, value=value)

@@ -1,5 +1,7 @@
 """Recordings of measured drives in files: order of columns, units and error messages."""
 
+import dataclasses
+import json
 import logging
 import math
 
@@ -9,7 +11,8 @@ from hypothesis import given, settings, strategies as st
 
 import crosstrack as ct
 from crosstrack.errors import InvalidData
-from crosstrack.instances.sideslip import generate, read_recording
+from crosstrack.instances import write_model
+from crosstrack.instances.sideslip import generate, read_recording, read_vehicle, write_vehicle
 from crosstrack.instances.sideslip.settings import VEHICLE
 
 #: Header with the columns in the order of DRIVE.
@@ -204,6 +207,88 @@ def test_a_file_is_an_instance(tmp_path, caplog):
     bad = written(tmp_path, rows(), HEADER.replace("[m/s]", ""), "bad.csv")
     with pytest.raises(InvalidData, match="must state its unit in brackets"):
         ct.load(bad, model="sideslip")
+
+
+def seen(count=120, step=0.05):
+    """Return columns of a plausible drive in the order of HEADER."""
+    times = step * np.arange(count)
+    yaw = 0.2 * np.sin(2.0 * times)
+    return np.stack([times, 20.0 + 0 * times, 0.2 * yaw, yaw, 20.0 * yaw], axis=1)
+
+
+@pytest.mark.parametrize(
+    ("column", "name"), [(2, "steering"), (3, "yaw_rate"), (4, "lateral_acceleration")]
+)
+def test_one_dead_sensor_gives_a_result_and_a_finding(tmp_path, column, name):
+    table = seen()
+    table[:, column] = 0.01
+    model = ct.load(written(tmp_path, table.tolist()))
+    for backend in ("kalman-filter", "rts-smoother"):
+        solution = ct.solve(model, backend)
+        assert np.isfinite(solution.plan.sideslip).all() and solution.plan.deviation.max() > 0.005
+    assert f"{name} never changes: 0.01 at every sample" in str(ct.diagnose(model))
+
+
+def test_constant_steering_is_no_finding_on_a_straight_road(tmp_path):
+    table = seen()
+    table[:, 2:] = 0.0
+    table[:, 3] += 0.002 * np.random.default_rng(0).normal(size=len(table))
+    assert "steering never changes" not in str(
+        ct.diagnose(ct.load(written(tmp_path, table.tolist())))
+    )
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        (seen()[::-1], r"line 3, column time: must rise, got 5.9 s after 5.95 s"),
+        (seen()[:3], r"drive.csv: times must hold 10 … 1000000 samples, got 3"),
+        (seen()[:1], r"drive.csv: times must hold 10 … 1000000 samples, got 1"),
+        (seen() * [1, -1, 1, 1, 1], r"line 2, column speed \[m/s\]: must be 0 … 1000 m/s"),
+        (seen() * [1e6, 1, 1, 1, 1], r"line 3, column time: must leave no gap above 2 s"),
+        (seen() * [0, 1, 1, 1, 1], r"line 3, column time: must rise \(two different lines"),
+    ],
+)  # fmt: skip
+def test_strange_drives_are_refused(tmp_path, table, message):
+    with pytest.raises(InvalidData, match=message):
+        read_recording(written(tmp_path, table.tolist()))
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e-2])
+def test_fast_drives_and_calendar_times_give_results(tmp_path, scale):
+    for start in (0.0, 1.7e9):
+        table = seen() * [scale, 1, 1, 1, 1] + [start, 0, 0, 0, 0]
+        solution = ct.solve(ct.load(written(tmp_path, table.tolist())), "kalman-filter")
+        assert np.isfinite(solution.plan.sideslip).all()
+
+
+def test_vehicles_come_back_exactly(tmp_path):
+    car = dataclasses.replace(VEHICLE, tyre="saturating", friction=1 / 3)
+    file = write_vehicle(car, tmp_path / "car.json")
+    assert read_vehicle(file).data() == car.data()
+    model = generate(drivers=0, samples=20)
+    text = json.loads(write_model(model, tmp_path / "model.json").read_text(encoding="utf-8"))
+    text["data"]["vehicle"] = "car.json"
+    (tmp_path / "other.json").write_text(json.dumps(text), encoding="utf-8")
+    assert ct.load(tmp_path / "other.json").vehicle.data() == car.data()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"mass": 3}', "car.json: keys 'yaw_inertia', .* are missing"),
+        (json.dumps({**VEHICLE.data(), "mass": -1}), "car.json: mass must be > 0 kg, got -1"),
+        (json.dumps({**VEHICLE.data(), "colour": 1}), "car.json: unknown key 'colour'"),
+        ("[1, 2]", "car.json: data must be an object"),
+        ("{", "car.json"),
+    ],
+)
+def test_bad_vehicles_are_refused(tmp_path, text, message):
+    (tmp_path / "car.json").write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidData, match=message):
+        read_vehicle(tmp_path / "car.json")
+    with pytest.raises(InvalidData, match="no such file"):
+        read_vehicle(tmp_path / "none.json")
 
 
 def test_excel_files(tmp_path):
