@@ -27,6 +27,10 @@ __all__ = ["BIASES", "Identification", "identify"]
 
 Floats = NDArray[np.float64]
 
+#: Parameters of a vehicle that can be estimated, all > 0.
+FIELDS = (
+    "mass", "yaw_inertia", "front", "rear", "cornering_front", "cornering_rear", "friction",
+)  # fmt: skip
 #: Constant errors of inputs and sensors that can be estimated, with their units: rad, rad/s and m/s².
 BIASES = {
     "steering_bias": 0.01, "sideslip_bias": 0.01, "yaw_rate_bias": 0.01,
@@ -40,6 +44,8 @@ LOOSE = 0.5
 ROUNDS, SETTLED = 20, 0.05
 #: Noise of the known angles (rad) in the first round, and the least factor on a variance in a round.
 ANGLE_NOISE, LEAST = 0.001, 0.01
+#: Largest logarithm of the ratio of an estimate to its start.
+MOST = 20.0
 #: Time (s) over which prediction errors may be correlated, and the parts per parameter for their covariance.
 BLOCK, PARTS = 2.0, 5
 
@@ -130,7 +136,7 @@ def identify(
     tracks = [Track(drive, noise) for drive in model.training]
 
     def values_at(x: Floats) -> Floats:
-        result: Floats = units * np.where(bias, x, np.exp(np.where(bias, 0.0, x)))
+        result: Floats = units * np.where(bias, x, np.exp(np.clip(x, -MOST, MOST)))
         return result
 
     def errors_at(x: Floats, *, gains: bool = False) -> Floats:
@@ -193,8 +199,7 @@ def _checked(names: Any, vehicle: Vehicle) -> tuple[str, ...]:
     if names is None:
         friction = () if vehicle.tyre is Tyre.LINEAR else ("friction",)
         return "cornering_front", "cornering_rear", "yaw_inertia", *friction
-    fields = [field.name for field in dataclasses.fields(Vehicle)]
-    allowed = [name for name in fields if type(getattr(vehicle, name)) is float] + [*BIASES]
+    allowed = [*FIELDS, *BIASES]
     chosen = (names,) if isinstance(names, str) else tuple(names)
     for k, name in enumerate(chosen):
         if name not in allowed:
