@@ -44,8 +44,8 @@ LOOSE = 0.5
 ROUNDS, SETTLED = 20, 0.05
 #: Noise of the known angles (rad) in the first round, and the least factor on a variance in a round.
 ANGLE_NOISE, LEAST = 0.001, 0.01
-#: Largest logarithm of the ratio of an estimate to its start.
-MOST = 20.0
+#: Largest logarithm of the ratio of an estimate to its start, and largest prediction error.
+MOST, MOST_ERROR = 20.0, 1e9
 #: Time (s) over which prediction errors may be correlated, and the parts per parameter for their covariance.
 BLOCK, PARTS = 2.0, 5
 
@@ -82,6 +82,7 @@ class Identification(Estimate):
         return text
 
 
+@np.errstate(all="ignore")  # prediction errors that overflow are bounded
 def identify(
     model: SideslipEstimation,
     names: Sequence[str] | None = None,
@@ -122,8 +123,9 @@ def identify(
         )
     start = model.vehicle
     chosen = _checked(names, start)
+    known = required("prior", {} if prior is None else prior, Mapping)  # type: ignore[type-abstract]
     known = {name: Real(0, strict=True).coerce(f"prior[{name}]", value, {})
-             for name, value in (prior or {}).items()}  # fmt: skip
+             for name, value in known.items()}  # fmt: skip
     for name in known:
         if name not in chosen or name in BIASES:
             raise InvalidData(f"prior names {name!r}, which is not estimated", field="prior")
@@ -154,8 +156,7 @@ def identify(
         used = np.any(errors != 0.0, axis=1)
 
         def residuals(x: Floats) -> Floats:
-            with np.errstate(all="ignore"):
-                rest = np.nan_to_num(errors_at(x), nan=1e9, posinf=1e9, neginf=-1e9)
+            rest = np.clip(np.nan_to_num(errors_at(x), nan=MOST_ERROR), -MOST_ERROR, MOST_ERROR)
             return np.concatenate([rest.ravel(), x / loose])
 
         result = least_squares(residuals, x, jac="3-point", x_scale=np.minimum(loose, 1.0))
@@ -200,7 +201,7 @@ def _checked(names: Any, vehicle: Vehicle) -> tuple[str, ...]:
         friction = () if vehicle.tyre is Tyre.LINEAR else ("friction",)
         return "cornering_front", "cornering_rear", "yaw_inertia", *friction
     allowed = [*FIELDS, *BIASES]
-    chosen = (names,) if isinstance(names, str) else tuple(names)
+    chosen = (names,) if isinstance(names, str) or not isinstance(names, Sequence) else tuple(names)
     for k, name in enumerate(chosen):
         if name not in allowed:
             raise InvalidData(

@@ -109,6 +109,8 @@ def test_a_bad_drive_gives_finite_estimates():
         ("weight", {}, "names.0. must be one of mass, .*, got 'weight'"),
         ((), {}, "names must be different parameters, at least one"),
         (("mass", "mass"), {}, "names must be different"),
+        (7, {}, "names.0. must be one of mass, .*, got 7"),
+        (None, {"prior": 3}, "prior must be a Mapping, got 3"),
         (None, {"prior": {"mass": 0.1}}, "prior names 'mass', which is not estimated"),
         (("mass",), {"prior": {"mass": 0.0}}, r"prior\[mass\] must be > 0, got 0"),
     ],
@@ -116,6 +118,22 @@ def test_a_bad_drive_gives_finite_estimates():
 def test_bad_arguments_are_refused(names, options, message):
     with pytest.raises(InvalidData, match=message):
         identify(drives(count=1), names, **options)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-3, 1e3, 1e6])
+def test_a_start_far_from_the_truth_is_left(size):
+    model = simulated(0, n=400)
+    drive = dataclasses.replace(model.recording, sideslip=model.truth)
+    car = dataclasses.replace(model.vehicle, cornering_front=size * 9e4)
+    result = identify(dataclasses.replace(model, vehicle=car, training=[drive]))
+    assert result.vehicle.cornering_front == pytest.approx(9e4, rel=0.01)
+    # The scale of all parameters, lengths included, is as wrong as can be: any finite estimate is allowed.
+    values = {
+        name: size * getattr(model.vehicle, name) for name in (*STIFF, "mass", "front", "rear")
+    }
+    car = dataclasses.replace(model.vehicle, **values)
+    result = identify(dataclasses.replace(model, vehicle=car, training=[drive]))
+    assert np.isfinite(result.values).all() and np.isfinite(result.covariance).all()
 
 
 def test_training_is_required():
