@@ -17,8 +17,8 @@ from ...models.sideslip.model import SideslipEstimation
 from ..contract.backend import Request
 from .gates import intervals
 from .mismatch import fade
-from .native import Estimate, SideslipBackend
-from .passes import largest_variance, measurements, noise_variances
+from .native import UNKNOWN, Estimate, SideslipBackend
+from .passes import measurements, noise_variances
 from .unscented_kernels import SIZE, unscented_path
 
 __all__ = ["UnscentedFilter", "setting_of"]
@@ -38,6 +38,8 @@ DRIFT = (
 #: Factor on the noises of the model: the states do not represent every error of a vehicle. With 1 two deviations cover 82 % of
 #: the samples of the scenarios of ``two_track.py``, with 2 they cover 92 %, at errors that are smaller by a fifth.
 _NOISES = 2.0
+#: Ratio of the angle's deviation to that of an unknown angle at which the filter restarts.
+_LOST = 1e4
 #: Seconds between two slides up to which they are one event, if the period is shorter.
 JOINED = 0.2
 #: Names of the estimated quantities in the statistics, after angle and yaw rate.
@@ -75,7 +77,7 @@ class UnscentedFilter(SideslipBackend):
         states, roots, innovations = (np.empty((n, *end)) for end in ((SIZE,), (SIZE, SIZE), (2,)))
         slides = np.empty(n, dtype=bool)
         data = np.where(drive.moving[:, None], measurements(drive), math.nan)
-        most = math.sqrt(largest_variance(problem))
+        most = _LOST * max(UNKNOWN, float(problem.initial_deviation[0]))
         lost = unscented_path(
             *(drive.times, drive.speed, drive.steering, data, *setting, most),
             *(states, roots, innovations, slides, request.control.flag),
