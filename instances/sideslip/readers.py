@@ -1,8 +1,9 @@
 """Recordings of measured drives in CSV and Excel files.
 
 A file has a header with the columns ``time``, ``speed``, ``steering``, ``yaw_rate``,
-``lateral_acceleration`` and, optionally, ``sideslip``, in any order, each with its unit in
-brackets, such as ``speed [km/h]``. The angle of the steering wheel, ``steering_wheel``, may replace that of
+``lateral_acceleration`` and, optionally, ``sideslip``, ``longitudinal_acceleration`` and the four rim speeds
+``wheel_front_left``, ``wheel_front_right``, ``wheel_rear_left`` and ``wheel_rear_right``, in any order, each with its unit
+in brackets, such as ``speed [km/h]``. The angle of the steering wheel, ``steering_wheel``, may replace that of
 the front wheels. Other columns are ignored with a warning in the log.
 """
 
@@ -34,6 +35,7 @@ log = logging.getLogger("crosstrack")
 #: Largest time (s) between the neighbours of interpolated values: a steering input takes longer.
 LONGEST = 0.25
 _RIGHT, _TURNS = 0.5 * np.pi, 20.0 * np.pi
+_WHEELS = ("wheel_front_left", "wheel_front_right", "wheel_rear_left", "wheel_rear_right")
 _COLUMNS = (
     Column("time", units=TIMES, aliases=("t",)),
     Column("speed", units=SPEEDS, lower=0.0, upper=1000.0, series=True),
@@ -43,6 +45,9 @@ _COLUMNS = (
     Column("yaw_rate", units=RATES, lower=-100.0, upper=100.0, series=True),
     Column("lateral_acceleration", units=ACCELERATIONS, lower=-1000.0, upper=1000.0, series=True),
     Column("sideslip", units=ANGLES, lower=-_RIGHT, upper=_RIGHT, optional=True, series=True),
+    Column("longitudinal_acceleration", units=ACCELERATIONS, lower=-1000.0, upper=1000.0,
+           optional=True, series=True),
+    *(Column(name, units=SPEEDS, lower=0.0, upper=1000.0, optional=True, series=True) for name in _WHEELS),
 )  # fmt: skip
 _HEADER = (
     "such as 'time [s],speed [km/h],steering [deg],yaw_rate [deg/s],lateral_acceleration [m/s²]', or "
@@ -115,6 +120,14 @@ def read_recording(
             "%s: %d gaps between samples; the longest is %.6g s",
             table.places[new[steps.argmax() + 1]], len(gaps), steps.max(),
         )  # fmt: skip
+    wheels = [values.pop(name) for name in _WHEELS if name in values]
+    if 0 < len(wheels) < len(_WHEELS):
+        raise InvalidData(
+            f"{path}: wheel_speeds needs all of the columns {', '.join(_WHEELS)}, got {len(wheels)}",
+            field="wheel_speeds",
+        )
+    if wheels:
+        values["wheel_speeds"] = np.column_stack(wheels)
     try:
         return Recording(times=values.pop("time"), **values)
     except InvalidData as error:

@@ -27,6 +27,8 @@ LOW_SPEED = 1.0
 UNKNOWN = math.pi / math.sqrt(12.0)
 #: Longest time (s) between two samples of a valid recording.
 MOST_GAP = 2.0
+#: Time (s) over which the forward acceleration is computed from the speed.
+CHANGE_WINDOW = 0.2
 #: Smallest and largest number of samples in a recording.
 LEAST, MOST = 10, 1_000_000
 
@@ -133,6 +135,12 @@ class Recording(Declared):
         Measured lateral acceleration at the centre of mass, in metres per second squared.
     sideslip : ndarray, shape (n,), optional
         True sideslip angle in radians. Required for training drives, None for a drive to estimate.
+    wheel_speeds : ndarray, shape (n, 4), optional
+        Rim speeds of the wheels (angular speed times radius) in metres per second: front left, front right, rear
+        left and rear right. ``kalman-grnn`` uses them if all drives have them.
+    longitudinal_acceleration : ndarray, shape (n,), optional
+        Measured acceleration along the forward axis, in metres per second squared. Without it, :attr:`forward_acceleration` follows
+        from the speed.
     """
 
     times: FloatArray = declared(Times(("n",), unit="s"))
@@ -144,6 +152,12 @@ class Recording(Declared):
     )
     sideslip: FloatsOrNone = declared(
         Optional(Array(("n",), lower=-np.pi / 2, upper=np.pi / 2, unit="rad")), default=None
+    )
+    wheel_speeds: FloatsOrNone = declared(
+        Optional(Array(("n", 4), lower=0.0, upper=1000.0, unit="m/s")), added=True, default=None
+    )
+    longitudinal_acceleration: FloatsOrNone = declared(
+        Optional(Array(("n",), lower=-1000.0, upper=1000.0, unit="m/s²")), added=True, default=None
     )
 
     def check(self) -> None:
@@ -165,6 +179,15 @@ class Recording(Declared):
     def period(self) -> float:
         """Median time between samples, s."""
         return float(np.median(np.diff(self.times)))
+
+    @property
+    def forward_acceleration(self) -> NDArray[np.float64]:
+        """Forward acceleration, m/s², shape (n,): measured, or the change of the speed over the last 0.2 s."""
+        if self.longitudinal_acceleration is not None:
+            return self.longitudinal_acceleration
+        before = np.interp(self.times - CHANGE_WINDOW, self.times, self.speed)
+        result: NDArray[np.float64] = (self.speed - before) / CHANGE_WINDOW
+        return result
 
     @property
     def moving(self) -> NDArray[np.bool_]:

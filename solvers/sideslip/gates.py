@@ -25,6 +25,7 @@ it. The deviation of linear regression grows with the leverage of the recent inp
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,7 @@ from .learning import Window, training_set
 __all__ = [
     "Gated",
     "apply_gates",
+    "calibrate_reference",
     "find_contradictions",
     "intervals",
     "measure_history_distance",
@@ -50,6 +52,10 @@ Floats = NDArray[np.float64]
 
 #: Windows of the kinematic gate, s: short ones find fast errors, long ones slow errors.
 WINDOWS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+#: Factors on the noise of the reference that are tried on the training drives.
+FACTORS = (1.0, 3.0, 10.0, 30.0)
+#: Share of known angles that kinematics may contradict.
+TOLERATED = 0.01
 #: Deviations of the reference above which a difference is a contradiction. With 3 the gate flagged a sample in a third of
 #: calm drives that stop and go; with 3.5 in one of twelve (in a third for linear-regression), and in no calm drive at constant speed.
 THRESHOLD = 3.5
@@ -109,7 +115,9 @@ def apply_gates(
     compared too; `deviation` accounts for them otherwise.
     """
     drive = problem.recording
-    difference = find_contradictions(problem, sideslip, deviation)
+    learned = spread > 0.0 and bool(problem.training)
+    reference = calibrate_reference(problem, deviation) if learned else problem
+    difference = find_contradictions(reference, sideslip, deviation)
     contradicted = difference != 0.0
     variance = deviation**2 + difference**2
     outside = np.zeros(len(drive), dtype=bool)
@@ -120,7 +128,7 @@ def apply_gates(
             f"kinematics contradicts the angle at {time_ranges(drive, contradicted)} by up to {largest:.2g}°: "
             "deviations are wider there"
         )
-    if spread > 0.0 and problem.training:
+    if learned:
         distance, names = measure_training_distance(problem)
         recent = measure_history_distance(problem) if history else np.zeros(len(drive))
         if ((recent > 0.0) & (distance == 0.0)).any() and COMBINED not in names:
@@ -165,6 +173,39 @@ def intervals(
 
 
 # -- kinematics ----------------------------------------------------------------------------------
+
+
+def calibrate_reference(problem: SideslipEstimation, deviation: Floats) -> SideslipEstimation:
+    """Return the model with noises at which kinematics does not contradict the known angles of the training drives.
+
+    Real sensors have noise, and real roads a bank, that the model does not declare: kinematics then contradicts even the
+    measured angle. The factor on the declared noises is 1 if it contradicts at most 1 % of the known angles, and otherwise
+    the one after the smallest sufficient factor of :data:`FACTORS`, because the estimated drive may be on another road.
+    """
+    claim = 0.5 * float(np.median(deviation[problem.recording.moving]))
+    alone = replace(problem, training=(), truth=None)
+    drives = [(replace(drive, sideslip=None), drive.sideslip) for drive in problem.training]
+    count = sum(len(drive) for drive in problem.training)
+    enough, scaled = False, alone
+    for factor in FACTORS:
+        if factor > FACTORS[0]:
+            scaled = replace(
+                alone, disturbance=factor * problem.disturbance,
+                yaw_rate_noise=factor * problem.yaw_rate_noise,
+                acceleration_noise=factor * problem.acceleration_noise,
+            )  # fmt: skip
+        if enough:
+            break
+        models = ((replace(scaled, recording=drive), angle) for drive, angle in drives)
+        flagged = sum(
+            np.count_nonzero(find_contradictions(model, angle, np.full(len(angle), claim)))
+            for model, angle in models
+            if angle is not None
+        )
+        enough = flagged <= TOLERATED * count
+        if enough and factor == FACTORS[0]:
+            break
+    return scaled
 
 
 def find_contradictions(problem: SideslipEstimation, sideslip: Floats, deviation: Floats) -> Floats:

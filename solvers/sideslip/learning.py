@@ -8,11 +8,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize_scalar, nnls
 
-from ...models.sideslip.data import Recording
+from ...models.sideslip.data import LOW_SPEED, Recording
 
-__all__ = ["KernelRegression", "Scale", "StraightLine", "TrainingSet", "Window", "training_set"]
+__all__ = [
+    "KernelRegression",
+    "Scale",
+    "StraightLine",
+    "TrainingSet",
+    "Window",
+    "curve_features",
+    "training_set",
+]
 
 Floats = NDArray[np.float64]
 
@@ -30,6 +38,8 @@ ROWS = 16
 NARROWEST, WIDEST = 0.02, 5.0
 #: Number of widths in the grid search, and tolerance of the refinement in the logarithm.
 GRID, ACCURACY = 9, 0.05
+#: Time (s) over which accelerations are averaged for the tyre curve, and number of values in the mean.
+CURVE_WINDOW, CURVE_SAMPLES = 0.2, 9
 #: Ratio of a feature's deviation to its largest value below which it is treated as constant.
 CONSTANT = 1e-9
 
@@ -90,6 +100,35 @@ def training_set(
     if len(counts) == 1:
         counts = [counts[0] // 2, counts[0] - counts[0] // 2]
     return TrainingSet(features, angles, np.repeat(np.arange(len(counts)), counts))
+
+
+def curve_features(recording: Recording, sideslip: Floats, wheels: bool) -> Floats:
+    """Return features of which the error of a filter with wrong tyres is a linear function, shape (n, 12) or (n, 15).
+
+    The angle at the rear axle is ``b ω / u - α_r``, and the slip angle α_r is a function of the lateral force, which
+    depends on the load and so on the forward acceleration. The features are ω / u, powers of the lateral acceleration
+    up to the third, products with powers of the forward acceleration, the yaw acceleration, the measured inputs and the
+    angle of the filter. Accelerations are means over the last 0.2 s: the sensors of a real car are noisy. With
+    `wheels` there are also the slip of the driven axle and the yaw rates by the wheels of both axles.
+    """
+    times, speed = recording.times, np.maximum(recording.speed, LOW_SPEED)
+    before = times[:, None] - np.linspace(0.0, CURVE_WINDOW, CURVE_SAMPLES)
+    side, yaw, along = (
+        np.interp(before, times, values).mean(axis=1)
+        for values in (recording.lateral_acceleration, recording.yaw_rate, recording.forward_acceleration)
+    )
+    turning = (
+        recording.yaw_rate - np.interp(before[:, -1], times, recording.yaw_rate)
+    ) / CURVE_WINDOW
+    columns = [
+        *(yaw / speed, side, side * np.abs(side), side**3, turning),
+        *(along, along * side, along**2 * side),
+        *(sideslip, recording.yaw_rate, recording.steering, speed),
+    ]
+    if wheels and recording.wheel_speeds is not None:
+        left, right, rear_left, rear_right = (recording.wheel_speeds / speed[:, None]).T
+        columns += [rear_left + rear_right - left - right, right - left, rear_right - rear_left]
+    return np.column_stack(columns)
 
 
 class Scale:
@@ -218,7 +257,14 @@ class StraightLine:
             leverage[out] = np.einsum("ij,jk,ik->i", rows[out], inverse, rows[out])
         self._each = len(rows) / len(np.unique(examples.drives))
         self.error = float(np.sqrt((off**2).mean()))
-        self._deviation = self.error * calibrate(off, self.error * self._growth(leverage))
+        #: Absolute errors on drives left out, rad, shape (n,).
+        self.left_out = off
+        self._claims = self._growth(leverage)
+        self._deviation = self.error * calibrate(off, self.error * self._claims)
+
+    def recalibrated(self, size: Floats) -> float:
+        """Return the factor on deviations that are also multiplied by a size, which is given for each example."""
+        return calibrate(self.left_out, self._claims * size) / max(self._deviation, 1e-300)
 
     def _with_constant(self, features: Floats) -> Floats:
         return np.column_stack([np.ones(len(features)), self._scale(features)])
@@ -231,6 +277,21 @@ class StraightLine:
         rows = self._with_constant(features) @ self._basis
         leverage = np.einsum("ij,ij->i", rows, rows)
         return rows @ self._weights, self._deviation * self._growth(leverage)
+
+
+def relative_size(errors: Floats, speed: Floats) -> Callable[[Floats], Floats]:
+    """Return the size of absolute errors (rad) as a function of the speed (m/s), relative to the mean.
+
+    The function ``c + d / u`` with ``c, d >= 0`` is fitted by least squares: a constant error of the lateral speed causes
+    an error of the angle that is inverse to the forward speed. It is 1 if all errors are 0.
+    """
+
+    def terms(values: Floats) -> Floats:
+        return np.column_stack([np.ones(len(values)), 1.0 / np.maximum(values, LOW_SPEED)])
+
+    weights, _ = nnls(terms(speed), errors)
+    mean = float((terms(speed) @ weights).mean())
+    return lambda values: terms(values) @ weights / mean if mean > 0.0 else np.ones(len(values))
 
 
 def calibrate(errors: Floats, claimed: Floats) -> float:

@@ -10,19 +10,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.sideslip.checks import kinematic_differences, kinematic_error
-from ...models.sideslip.data import LEAST
+from ...models.sideslip.data import LEAST, Recording
 from ...models.sideslip.model import SideslipEstimation
 from ..contract.backend import Request
 from ..contract.option import Option
 from .gates import find_contradictions
 from .kalman import KalmanFilter
-from .learning import KernelRegression, StraightLine, Window, training_set
+from .learning import (
+    KernelRegression,
+    StraightLine,
+    TrainingSet,
+    Window,
+    curve_features,
+    relative_size,
+    training_set,
+)
 from .native import Estimate, SideslipBackend
 
 __all__ = ["Grnn", "KalmanGrnn", "LinearRegression"]
 
 Floats = NDArray[np.float64]
 
+#: Ratio of the errors on drives left out below which the tyre curve corrects the filter instead of the kernel.
+_BETTER = 0.9
+#: Ratio of the noise of the drive to that of the training drives up to which a tyre curve learned from them is used.
+_NOISIER = 2.0
 _WINDOW = {
     "lags": Option(
         5, "Measurements of each sensor that an angle is estimated from; 5 in the paper.", int,
@@ -107,6 +119,8 @@ class KalmanGrnn(_Learning):
     The filter uses the same vehicle parameters on the training drives, so its errors there are similar, and they are
     smaller and smoother than the angle. The correction vanishes far from all training drives. The claimed deviation
     is that of the GRNN. It is scaled up if the filter's deviation exceeds its median on the training drives.
+    If least squares on the features of a tyre curve, see :func:`~crosstrack.solvers.sideslip.learning.curve_features`, has a
+    smaller error on drives left out, it corrects the filter instead. Real tyres and noisy sensors need it.
     A run that is stopped before the training ends returns the estimate of the filter; a run that is stopped
     before the filter ends returns that of `linear-regression`.
     """
@@ -133,7 +147,12 @@ class KalmanGrnn(_Learning):
         for drive, entry in zip(problem.training, there, strict=True):
             assert drive.sideslip is not None  # the model refuses such drives
             errors.append(drive.sideslip - entry.sideslip)
-        learned = KernelRegression(training_set(problem.training, window, errors), **others)
+        examples = training_set(problem.training, window, errors)
+        learned = KernelRegression(examples, **others)
+        if _noise_ratio(problem) <= _NOISIER:
+            curved = _correct_by_curve(problem, examples, filtered, _BETTER * learned.error)
+            if curved is not None:
+                return curved
         result = learned(window.features(problem.recording), lambda: request.control.stopped)
         if result is None:
             return _uncorrected(here)
@@ -151,6 +170,50 @@ class KalmanGrnn(_Learning):
             learned.spread,
             history=True,
         )
+
+
+def _noise_ratio(problem: SideslipEstimation) -> float:
+    """Return the largest ratio of the noise of a sensor to that on the training drives.
+
+    The median absolute third difference is a measure of noise that a smooth signal does not affect.
+    """
+
+    def noise(drive: Recording) -> list[float]:
+        sensors = drive.yaw_rate, drive.lateral_acceleration
+        return [float(np.median(np.abs(np.diff(values, 3)))) for values in sensors]
+
+    usual = np.median([noise(drive) for drive in problem.training], axis=0)
+    return float((noise(problem.recording) / np.maximum(usual, 1e-300)).max())
+
+
+def _correct_by_curve(
+    problem: SideslipEstimation, examples: TrainingSet, filtered: list[Estimate], limit: float
+) -> Estimate | None:
+    """Return the filter's angle, corrected by its error at similar points of the tyre curve.
+
+    `filtered` are the estimates of the drive and of the training drives, and `examples` the errors there. The result
+    is None if the error (rad) on drives left out exceeds `limit`. Features are limited to their range on the training
+    drives: powers grow fast beyond it.
+    """
+    drives = problem.recording, *problem.training
+    wheels = all(drive.wheel_speeds is not None for drive in drives)
+    here, *there = (
+        curve_features(drive, entry.sideslip, wheels)
+        for drive, entry in zip(drives, filtered, strict=True)
+    )
+    known = np.vstack([entry[drive.moving] for drive, entry in zip(drives[1:], there, strict=True)])
+    learned = StraightLine(examples._replace(features=known))
+    if not learned.error <= limit:
+        return None
+    error, deviation = learned(np.clip(here, known.min(axis=0), known.max(axis=0)))
+    speeds = np.concatenate([drive.speed[drive.moving] for drive in drives[1:]])
+    size = relative_size(learned.left_out, speeds)
+    deviation *= size(drives[0].speed) * learned.recalibrated(size(speeds))
+    # Errors within a drive are correlated: predictive variance for a mean over few drives.
+    deviation *= math.sqrt(1.0 + 1.0 / len(np.unique(examples.drives)))
+    said = {**describe_learning(learned), "tyre curve": 1.0}
+    angle = filtered[0].sideslip + error
+    return Estimate(angle, deviation, said, "", learned.spread, history=True)
 
 
 class LinearRegression(_Learning):

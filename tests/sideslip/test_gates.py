@@ -219,7 +219,8 @@ def test_equal_inputs_in_training_leave_the_other_gate_in_force():
 
     def steady(drive, yaw_rate=0.25):
         values = {
-            "yaw_rate": yaw_rate, "lateral_acceleration": 3.0, "speed": 16.0, "steering": 0.0625,
+            "yaw_rate": yaw_rate, "lateral_acceleration": 4.0, "speed": 16.0, "steering": 0.0625,
+            "sideslip": 0.0,  # kinematics must not contradict the known angle
         }  # fmt: skip
         return dataclasses.replace(drive, **{k: np.full(len(drive), v) for k, v in values.items()})
 
@@ -227,10 +228,12 @@ def test_equal_inputs_in_training_leave_the_other_gate_in_force():
     training = tuple(steady(drive) for drive in model.training)
     model = dataclasses.replace(model, recording=recording, training=training, truth=None)
     assert (measure_history_distance(model) == 0.0).all()
-    given = model, np.linspace(0.0, 1.2, len(recording)), np.full(len(recording), 0.001), 0.1
+    given = model, np.linspace(-1.2, 1.2, len(recording)), np.full(len(recording), 0.001), 0.1
     gated, alone = apply_gates(*given, history=True), apply_gates(*given)
     assert alone.contradicted.any() and (gated.deviation == alone.deviation).all()
-    other = dataclasses.replace(model, recording=steady(recording, 0.375))
+    other = dataclasses.replace(
+        model, recording=dataclasses.replace(steady(recording, 0.375), sideslip=None)
+    )
     distance = measure_history_distance(other)
     assert np.isfinite(distance).all() and (distance > 1.0).all()
 
