@@ -40,6 +40,9 @@ class Tyre(StrEnum):
     LINEAR = "linear"
     #: Fiala's brush model. The force saturates at friction times static load.
     SATURATING = "saturating"
+    #: Magic Formula of Pacejka. The force rises longer in proportion to the slip angle than that of the brush model, and has
+    #: its largest value, friction times static load, at a finite slip angle.
+    MAGIC_FORMULA = "magic-formula"
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +63,12 @@ class Vehicle(Declared):
         Coefficient of friction between tyre and road, > 0, 0.9 by default; unused for linear tyres.
     tyre : Tyre
         Law of the tyre forces, linear by default.
+    shape, curvature : float
+        Factors C (in [1, 2], 1.35 by default) and E (in [-10, 1], -0.5 by default) of the Magic Formula; unused for others.
+    load_loss : float
+        Share of its stiffness and friction that each axle loses by the lateral load transfer at 1 g, in [0, 1]; 0, the
+        default, neglects it, and linear tyres do not use it. It is ``k (2 h / t)²`` for a centre of mass at the height h, a
+        track t, and tyres whose stiffness is ``C z (1 - k (z - 1))`` at z times the static load.
     """
 
     mass: float = declared(Real(lower=0, strict=True, unit="kg"))
@@ -70,6 +79,9 @@ class Vehicle(Declared):
     cornering_rear: float = declared(Real(lower=0, strict=True, unit="N/rad"))
     friction: float = declared(Real(lower=0, strict=True), default=0.9)
     tyre: Field[str, Tyre] = declared(Member(Tyre), default=Tyre.LINEAR)
+    shape: float = declared(Real(lower=1.0, upper=2.0), added=True, default=1.35)
+    curvature: float = declared(Real(lower=-10.0, upper=1.0), added=True, default=-0.5)
+    load_loss: float = declared(Real(lower=0.0, upper=1.0), added=True, default=0.0)
 
     @property
     def wheelbase(self) -> float:

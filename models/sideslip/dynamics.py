@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .data import LOW_SPEED, Tyre, Vehicle
+from .data import GRAVITY, LOW_SPEED, Tyre, Vehicle
 from .model import SideslipEstimation
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "axle_force",
     "flow",
     "linearise",
+    "magic_force",
     "measured",
     "parameters",
     "rates",
@@ -63,19 +64,23 @@ class Linearised(NamedTuple):
 
 
 def parameters(vehicle: Vehicle) -> Floats:
-    """Return the parameter vector of a vehicle for the kernels, shape (8,).
+    """Return the parameter vector of a vehicle for the kernels, shape (11,).
 
-    It holds m, I, a, b, C_f, C_r and the largest forces (N) of both axles, which are infinite for linear
-    tyres.
+    It holds m, I, a, b, C_f, C_r, the largest forces (N) of both axles, which are infinite for linear tyres, shape and
+    curvature of the Magic Formula, with shape 0 for other laws, and the loss by load transfer per (m/s²)².
     """
-    limits = [math.inf, math.inf]
-    if vehicle.tyre is Tyre.SATURATING:
+    limits, law = [math.inf, math.inf], [0.0, 0.0, 0.0]
+    if vehicle.tyre is not Tyre.LINEAR:
         limits = [vehicle.friction * load for load in vehicle.loads]
+        law[2] = vehicle.load_loss / GRAVITY**2
+    if vehicle.tyre is Tyre.MAGIC_FORMULA:
+        law[:2] = vehicle.shape, vehicle.curvature
     return np.array(
         [
             *(vehicle.mass, vehicle.yaw_inertia, vehicle.front, vehicle.rear),
             *(vehicle.cornering_front, vehicle.cornering_rear),
             *limits,
+            *law,
         ]
     )
 
@@ -117,11 +122,34 @@ def axle_force(slip: float, stiffness: float, most: float) -> tuple[float, float
 
 
 @kernel
+def magic_force(
+    slip: float, stiffness: float, most: float, shape: float, curvature: float
+) -> tuple[float, float]:
+    """Return the force (N) and its derivative (N/rad) by the Magic Formula; by :func:`axle_force` if `shape` is 0.
+
+    The law is ``D sin(C atan(x - E (x - atan x)))`` with x = stiffness slip / (C D), D = `most`, C = `shape` and E =
+    `curvature` (H. B. Pacejka, Tire and Vehicle Dynamics, 2012, equation 4.6).
+    """
+    if shape == 0.0 or math.isinf(most):
+        return axle_force(slip, stiffness, most)
+    x = stiffness * slip / (shape * most)
+    bent = x - curvature * (x - math.atan(x))
+    turn = shape * math.atan(bent)
+    slope = stiffness * math.cos(turn) / (1.0 + bent * bent)
+    return most * math.sin(turn), slope * (1.0 - curvature * (1.0 - 1.0 / (1.0 + x * x)))
+
+
+@kernel
 def axle_forces(beta: float, omega: float, u: float, delta: float, p: Floats) -> Numbers4:
-    """Return front and rear axle forces, and their derivatives with respect to the slip angles."""
+    """Return front and rear axle forces, and their derivatives with respect to the slip angles.
+
+    The load transfer follows from the lateral acceleration u ω of a steady turn. Derivatives neglect its change.
+    """
     v = max(u, LOW_SPEED)
-    front, front_slope = axle_force(delta - beta - p[2] * omega / v, p[4], p[6])
-    rear, rear_slope = axle_force(p[3] * omega / v - beta, p[5], p[7])
+    left = max(1.0 - p[10] * (u * omega) * (u * omega), 0.2) if p[10] > 0.0 else 1.0
+    front_slip, rear_slip = delta - beta - p[2] * omega / v, p[3] * omega / v - beta
+    front, front_slope = magic_force(front_slip, left * p[4], left * p[6], p[8], p[9])
+    rear, rear_slope = magic_force(rear_slip, left * p[5], left * p[7], p[8], p[9])
     return front, rear, front_slope, rear_slope
 
 

@@ -145,6 +145,9 @@ def _tyres(model: SideslipEstimation) -> Iterator[Remark]:
     share = float((size > limit + 4 * model.acceleration_noise).mean())
     # The brush model at a share s of its largest force has (1 - s)^(2/3) of its stiffness left.
     left = (1.0 - min(most / limit, 1.0)) ** (2 / 3)
+    if car.tyre is Tyre.MAGIC_FORMULA:  # without curvature
+        angle = math.asin(min(most / limit, 1.0))
+        left = math.cos(angle) * math.cos(angle / car.shape) ** 2
     if share:
         clause = f"more than the {limit:.3g} m/s² that a friction of {car.friction:g} allows"
     else:

@@ -202,7 +202,7 @@ def calibrate_reference(problem: SideslipEstimation, deviation: Floats) -> Sides
             for model, angle in models
             if angle is not None
         )
-        enough = flagged <= TOLERATED * count
+        enough = bool(flagged <= TOLERATED * count)
         if enough and factor == FACTORS[0]:
             break
     return scaled

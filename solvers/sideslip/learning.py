@@ -103,7 +103,7 @@ def training_set(
 
 
 def curve_features(recording: Recording, sideslip: Floats, wheels: bool) -> Floats:
-    """Return features of which the error of a filter with wrong tyres is a linear function, shape (n, 12) or (n, 15).
+    """Return features for the error of a filter with wrong tyres, shape (n, 12) or (n, 15). The error is linear in them.
 
     The angle at the rear axle is ``b ω / u - α_r``, and the slip angle α_r is a function of the lateral force, which
     depends on the load and so on the forward acceleration. The features are ω / u, powers of the lateral acceleration
@@ -115,7 +115,11 @@ def curve_features(recording: Recording, sideslip: Floats, wheels: bool) -> Floa
     before = times[:, None] - np.linspace(0.0, CURVE_WINDOW, CURVE_SAMPLES)
     side, yaw, along = (
         np.interp(before, times, values).mean(axis=1)
-        for values in (recording.lateral_acceleration, recording.yaw_rate, recording.forward_acceleration)
+        for values in (
+            recording.lateral_acceleration,
+            recording.yaw_rate,
+            recording.forward_acceleration,
+        )
     )
     turning = (
         recording.yaw_rate - np.interp(before[:, -1], times, recording.yaw_rate)

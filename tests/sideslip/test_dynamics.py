@@ -60,7 +60,7 @@ def plain_force(slip: float, stiffness: float, most: float) -> float:
 
 def plain_rates(x: Floats, u: float, delta: float, p: Floats) -> Floats:
     """Return dβ/dt, dω/dt and the lateral acceleration."""
-    m, inertia, a, b, front, rear, most_front, most_rear = p
+    m, inertia, a, b, front, rear, most_front, most_rear = p[:8]
     v = max(u, 1.0)
     one = plain_force(delta - x[0] - a * x[1] / v, front, most_front)
     two = plain_force(b * x[1] / v - x[0], rear, most_rear)
