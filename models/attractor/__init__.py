@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from .model import AttractorAnalysis as AttractorAnalysis
     from .plan import (
         AttractorEstimate as AttractorEstimate,
+        Evidence as Evidence,
         Judgement as Judgement,
         Measures as Measures,
         Slope as Slope,

@@ -18,6 +18,7 @@ from ..inputs import FloatArray, FloatsOrNone
 from ..model import Model
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
 from .checks import Sample, prediction_error
+from .evidence import evidence_gap
 from .plan import AttractorEstimate, Judgement, Slope
 from .recomputed import exponents, measures
 
@@ -173,6 +174,15 @@ class AttractorAnalysis(Model[AttractorEstimate]):
                 checks.append(self._slope_check(name, sample, slope, tolerance))
         if plan.surrogates is not None:
             checks.append(_judgement_check(plan, tolerance))
+            evidence = plan.surrogates.evidence
+            if evidence is not None:
+                gap = evidence_gap(self.series, plan, evidence, self.scene_seeds(1)[0])
+                where = f"K = {evidence.zero_one:.3g}"
+                checks.append(
+                    Check.scaled(
+                        "evidence follows from the series", "", gap, "", where, tolerance, 1.0
+                    )
+                )
         checks += self._further_checks(plan, sample, tolerance)
         known = self._errors(plan)
         if known:
@@ -218,7 +228,9 @@ class AttractorAnalysis(Model[AttractorEstimate]):
             where = f"{worst}, computed again {again[worst]:.6g}" if worst else ""
             over = float(np.nan_to_num(apart_by.get(worst, 0.0), nan=np.inf))
             checks.append(
-                Check.scaled("measures are those of the series", "", over, "", where, tolerance, 1.0)
+                Check.scaled(
+                    "measures are those of the series", "", over, "", where, tolerance, 1.0
+                )
             )
         return checks
 
@@ -304,15 +316,23 @@ def _check_values(name: str, values: Floats) -> None:
 
 
 def _judgement_check(plan: AttractorEstimate, tolerance: float) -> Check:
-    """Check that the ranks support the judgement: 5 % to reject, and a positive exponent for chaos."""
+    """Check that ranks and evidence support the judgement.
+
+    Chaos and nonlinearity need a rank of 5 %. Chaos needs an exponent above 0 by two deviations and no reason
+    against it, and a regular motion needs neighbours that stay together. Plans without evidence need less.
+    """
     result = plan.surrogates
     assert result is not None
-    over = 0.0
-    if result.judgement is not Judgement.NOISE:
+    over, evidence = 0.0, result.evidence
+    if result.judgement is Judgement.REGULAR:
+        over = 0.0 if evidence is not None and evidence.stays else 1.0
+    elif result.judgement is not Judgement.NOISE:
         over = max(result.p_value - 0.05, 0.0)
-    sure = plan.exponent is not None and plan.exponent.value > 0
-    if result.judgement is Judgement.CHAOTIC and not sure:
-        over = 1.0
+    if result.judgement is Judgement.CHAOTIC:
+        slope, least = plan.exponent, 2.0 if evidence is not None else 0.0
+        sure = slope is not None and slope.value > least * slope.deviation
+        if not sure or (evidence is not None and (evidence.stays or evidence.refutes)):
+            over = 1.0
     return Check.scaled(
         "judgement follows from the ranks",
         "",

@@ -13,6 +13,7 @@ from ..records import Member
 
 __all__ = [
     "AttractorEstimate",
+    "Evidence",
     "Judgement",
     "Measures",
     "Method",
@@ -20,6 +21,13 @@ __all__ = [
     "Spectrum",
     "SurrogateTest",
 ]
+
+#: Nats that neighbours of a regular motion stay nearer than random states, and largest growth of their distance.
+TOGETHER, GROWTH = 1.5, 1.0
+#: Error of a linear prediction of a sum of few lines, and largest ratio of errors of a deterministic motion.
+LINES, DETERMINED = 0.01, 0.75
+#: Smallest correlation of the 0-1 test for chaos.
+IRREGULAR = 0.2
 
 
 class Method(StrEnum):
@@ -43,14 +51,16 @@ class Method(StrEnum):
 
 
 class Judgement(StrEnum):
-    """Result of a test against surrogates. A positive exponent alone never implies chaos."""
+    """Result of the tests of a series. A positive exponent alone never implies chaos."""
 
-    #: Surrogates are rejected, and nearby states part exponentially.
+    #: Linear noise is rejected, and nearby states part exponentially.
     CHAOTIC = "chaotic"
-    #: Surrogates are rejected, but no exponential parting was found: a nonlinear or periodic motion.
+    #: Linear noise is rejected, but neither a regular nor a chaotic motion is shown: undecided.
     NONLINEAR = "nonlinear"
-    #: Surrogates are not rejected: linear noise explains the series as well.
+    #: Linear noise explains the series as well.
     NOISE = "noise"
+    #: Periodic or quasi-periodic: nearby states stay together.
+    REGULAR = "regular"
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +116,53 @@ class Slope(Declared):
 
 
 @dataclass(frozen=True, eq=False)
+class Evidence(Declared):
+    """Figures of a series that separate noise, regular and chaotic motion.
+
+    Parameters
+    ----------
+    ahead : int
+        Samples ahead of both predictions, >= 1.
+    linear, nonlinear : float
+        Root mean square errors of predicting by the best autoregressive model and by the nearest five states,
+        in standard deviations of the series.
+    near, far : float
+        Mean logarithm of the distance of random states over that of nearest neighbours, at first and later than a
+        sixth of the series, in nats.
+    step : int
+        Samples per sample of the 0-1 test, >= 1.
+    zero_one : float
+        Median correlation K of the 0-1 test (Gottwald and Melbourne 2009): 0 for regular motion, 1 for chaos
+        and for noise.
+    """
+
+    ahead: int = declared(Whole(1))
+    linear: float = declared(Real(lower=0))
+    nonlinear: float = declared(Real(lower=0))
+    near: float = declared(Real())
+    far: float = declared(Real())
+    step: int = declared(Whole(1))
+    zero_one: float = declared(Real(lower=-1.0, upper=1.0))
+
+    @property
+    def stays(self) -> bool:
+        """Whether the motion is regular: neighbours stay together, or a short linear recursion is exact."""
+        together = self.far >= TOGETHER and self.near - self.far <= GROWTH
+        return together or self.linear <= LINES
+
+    @property
+    def refutes(self) -> str:
+        """Reason against chaos; empty if there is none."""
+        if self.nonlinear > DETERMINED * self.linear:
+            return "the nearest states predict hardly better than a linear model"
+        if self.far >= TOGETHER:
+            return "neighbours have not parted within a third of the series"
+        if self.zero_one < IRREGULAR:
+            return f"the 0-1 test gives {self.zero_one:.2g}"
+        return ""
+
+
+@dataclass(frozen=True, eq=False)
 class SurrogateTest(Declared):
     """Test of a series against surrogates that are linear noise.
 
@@ -117,11 +174,14 @@ class SurrogateTest(Declared):
         Number of surrogates.
     exceeded : int
         Number of surrogates that are at least as predictable as the series.
+    evidence : Evidence, optional
+        Further figures that the judgement follows from.
     """
 
     judgement: Judgement = declared(Member(Judgement))
     count: int = declared(Whole(1))
     exceeded: int = declared(Whole(0))
+    evidence: Evidence | None = declared(Optional(Nested(Evidence)), default=None)
 
     def check(self) -> None:
         """Reject `exceeded` above `count`."""

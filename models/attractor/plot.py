@@ -32,7 +32,8 @@ _FEW = 300
 _SMOOTH = 0.5
 _WORDS = {
     Judgement.CHAOTIC: "linear noise is rejected, and nearby states part exponentially: chaotic",
-    Judgement.NONLINEAR: "linear noise is rejected, but no exponential parting was found: nonlinear or periodic",
+    Judgement.REGULAR: "nearby states stay together: periodic or quasi-periodic",
+    Judgement.NONLINEAR: "linear noise is rejected, but neither regular nor chaotic motion is shown",
     Judgement.NOISE: "linear noise is not rejected: it may explain the series as well",
 }
 #: Margins above, below and left of all panels, and gaps between them (inch).

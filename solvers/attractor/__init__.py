@@ -13,7 +13,7 @@ BACKENDS = {
     "correlation-dimension": ".correlation:CorrelationDimension",
     "small-data-sets": ".paper_methods:SmallDataSets",
     "g-p": ".paper_methods:GrassbergerProcaccia",
-    "surrogates": ".surrogates:Surrogates",
+    "surrogates": ".verdict:Surrogates",
     "lyapunov-spectrum": ".spectrum:LyapunovSpectrum",
     "measures": ".measures:SeriesMeasures",
 }

@@ -23,8 +23,11 @@ from ..contract.backend import Request
 from ..contract.option import Option
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, Poll, embed, poll_of
 from .partings import FEW, MOST, Curve, kantz_curve, kantz_radius, rosenstein_curve
+from .prediction import choose_embeddings
 from .regions import (
     REFERENCES,
+    ROBUST,
+    TURN,
     Stretches,
     describe_variants,
     steady_stretches,
@@ -44,6 +47,8 @@ STEPS, SHARE = 4096, 3
 MARGIN, RISE = 1.25, 1.0
 #: Smallest number of points of a region, and largest relative difference of the slopes of its halves.
 LEAST, CHANGE = 5, 0.25
+#: The same for series that are not linear noise and have no such region: distance, divergence, points and difference.
+WIDE, WIDEST = (1.0, 0.7, 3, 0.5), (1.0, 0.7, 3, 0.7)
 #: Random pairs of states for the mean logarithm of all distances.
 PAIRS = 4000
 
@@ -64,6 +69,7 @@ def scaling_region(
     earliest: int = 0,
     low: int | None = None,
     high: int | None = None,
+    limits: tuple[float, float, int, float] = (MARGIN, RISE, LEAST, CHANGE),
 ) -> tuple[int, Stretches] | None:
     """Return the first step of the search, and the stretches of exponential divergence from there on.
 
@@ -71,25 +77,26 @@ def scaling_region(
     curve and rises by at least :data:`RISE` nats. The slopes of its halves may differ by a quarter; a
     larger difference lowers the score of a stretch. `level` is the mean logarithm of the distance between
     random states. A stretch has at least `shortest` steps and begins at `earliest` or later; `low` and
-    `high` fix its ends. None if the curve is too short.
+    `high` fix its ends. `limits` replace these constants. None if the curve is too short.
     """
+    margin, rise, fewest, change = limits
     values = curve.values
     is_finite = np.isfinite(values)
     if not is_finite.any():
         return None
     values = values[: len(values) if is_finite.all() else int(is_finite.argmin())]
     level = min(level, float(values[len(values) // 2 :].mean())) if len(values) else level
-    above = values > level - MARGIN
+    above = values > level - margin
     end = int(above.argmax()) if above.any() else len(values)
     begin = earliest if low is None else low
     if high is not None:
         end = high + 1
     y = values[begin:end]
-    if len(y) < LEAST:
+    if len(y) < fewest:
         return None
     x = np.arange(len(y), dtype=float)
     stretches = steady_stretches(
-        x, y, least=max(LEAST, shortest + 1), rise=RISE, change=CHANGE,
+        x, y, least=max(fewest, shortest + 1), rise=rise, change=change,
         from_first=low is not None, to_last=high is not None,
     )  # fmt: skip
     return begin, stretches
@@ -128,6 +135,7 @@ class Search:
     radius: float | None = None
     references: int = MOST
     poll: Poll = bool
+    wide: bool = False
 
     @property
     def steps(self) -> int:
@@ -162,10 +170,17 @@ class Search:
         span = (self.embedding.dimension - 1) * self.embedding.delay
         shortest = max(span, mean_turn(self.states[:, 0]))
         earliest = span if self.embedding.delay > 1 else 0
-        result = scaling_region(first, level, shortest, earliest, self.low, self.high)
-        if result is None or result[1].best is None:
-            return "there is no scaling region, neighbours do not part at a steady rate"
-        return result
+        turn = mean_turn(self.states[:, 0])
+        half, quarter = (turn // 2, turn // 4) if turn >= TURN else (2, 0)
+        choices = [(shortest, earliest, (MARGIN, RISE, LEAST, CHANGE))]
+        if self.wide:
+            choices += [(max(shortest, turn) if turn >= TURN else 2, earliest, WIDE)]
+            choices += [(half, quarter, WIDEST)]
+        for least, begin, limits in choices:
+            result = scaling_region(first, level, least, begin, self.low, self.high, limits)
+            if result is not None and result[1].best is not None:
+                return result
+        return "there is no scaling region, neighbours do not part at a steady rate"
 
 
 def fit_exponent(search: Search, period: float) -> Fit:
@@ -210,8 +225,29 @@ def fit_exponent(search: Search, period: float) -> Fit:
     return Fit(slope, statistics)
 
 
+def agreed(searches: list[Search]) -> Search:
+    """Return the search whose slope agrees with the median of all slopes; the first one if there are none.
+
+    It is the first one within a robust deviation or 5 % of the median.
+    """
+    slopes = []
+    for search in searches:
+        ready = search.with_radius()
+        result = "no radius" if ready is None else ready.region(REFERENCES)
+        slope = math.nan if isinstance(result, str) else result[1].slopes[result[1].scores.argmax()]
+        slopes.append(float(slope))
+    known = [slope for slope in slopes if math.isfinite(slope)]
+    if len(searches) == 1 or not known:
+        return searches[0]
+    middle = float(np.median(known))
+    spread = ROBUST * float(np.median(np.abs(np.array(known) - middle)))
+    within = max(spread, 0.05 * abs(middle)) * (1.0 + 1e-9)
+    good = [abs(slope - middle) <= within for slope in slopes]
+    return searches[good.index(True) if True in good else slopes.index(known[0])]
+
+
 def widen_exponent(
-    fit: Fit, search: Search, embedding: Embedding, problem: AttractorAnalysis
+    fit: Fit, search: Search, others: list[Search], problem: AttractorAnalysis
 ) -> Fit:
     """Return the fit with a deviation that includes regions, other choices and the calibrated error.
 
@@ -219,15 +255,7 @@ def widen_exponent(
     a scaling region are left out.
     """
     assert fit.slope is not None
-    searches = [
-        replace(
-            search,
-            states=problem.states(other.delay, other.dimension),
-            embedding=other,
-            radius=None,
-        )
-        for other in variants(embedding, len(problem.series))
-    ]
+    searches = list(others)
     if search.method is Method.KANTZ:
         searches.append(replace(search, method=Method.ROSENSTEIN, radius=None))
         if search.radius is not None:
@@ -275,9 +303,16 @@ class Rosenstein(AttractorBackend):
         ),
     }
 
-    def embedding(self, problem: AttractorAnalysis, request: Request) -> Embedding:
-        """Return the embedding for the curve of distances."""
-        return embed(problem, request.options)
+    def __init__(self, wide: bool = False) -> None:
+        #: Whether wider limits of a region apply: only for series that are not linear noise.
+        self.wide = wide
+
+    def embeddings(self, problem: AttractorAnalysis, request: Request) -> list[Embedding]:
+        """Return the embeddings whose slopes are compared."""
+        options = request.options
+        if None not in (options["low"], options["high"]):
+            return [embed(problem, options)]
+        return choose_embeddings(problem, options)[0]
 
     def region(
         self, states: Floats, embedding: Embedding, request: Request
@@ -287,25 +322,28 @@ class Rosenstein(AttractorBackend):
 
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
         """Choose a region and compute the slope."""
-        options = request.options
-        embedding = self.embedding(problem, request)
-        states = problem.states(embedding.delay, embedding.dimension)
-        low, high = self.region(states, embedding, request)
-        search = Search(
-            states,
-            embedding,
-            method=self.method,
-            low=low,
-            high=high,
-            radius=options.get("radius"),
-            references=options.get("references", MOST),
-            poll=poll_of(request),
-        )
+        count = len(problem.series)
+        embeddings = self.embeddings(problem, request)
+        searches = [self._search(problem, embedding, request) for embedding in embeddings]
+        search = agreed(searches)
+        embedding = search.embedding
         fit = fit_exponent(search, problem.period)
-        if fit.slope is not None and (low is None or high is None):
+        if fit.slope is not None and (search.low is None or search.high is None):
+            others = [other for other in searches if other is not search]
+            if not others:
+                others = [self._search(problem, e, request) for e in variants(embedding, count)]
+            others = [replace(other, low=None, high=None, radius=None) for other in others]
             open_search = replace(search, low=None, high=None, radius=fit.slope.radius)
-            fit = widen_exponent(fit, open_search, embedding, problem)
+            fit = widen_exponent(fit, open_search, others, problem)
         return Finding(embedding.plan(exponent=fit.slope), fit.statistics, fit.message)
+
+    def _search(self, problem: AttractorAnalysis, embedding: Embedding, request: Request) -> Search:
+        options, states = request.options, problem.states(embedding.delay, embedding.dimension)
+        low, high = self.region(states, embedding, request)
+        return Search(
+            states, embedding, self.method, low, high, options.get("radius"),
+            options.get("references", MOST), poll_of(request), self.wide,
+        )  # fmt: skip
 
 
 class Kantz(Rosenstein):

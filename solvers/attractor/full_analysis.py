@@ -18,8 +18,10 @@ from .delays import (
 )
 from .dimensions import Cao, FalseNeighbours
 from .exponents import Kantz, Rosenstein
-from .native import EMBEDDING, AttractorBackend, Finding, RunStopped, embed, poll_of
-from .surrogates import RANKING, judge, ranks, statistics
+from .native import EMBEDDING, AttractorBackend, Embedding, Finding, RunStopped, poll_of
+from .prediction import choose_embeddings
+from .surrogates import RANKING, ranks, statistics
+from .verdict import gather, judge
 
 __all__ = ["FullAnalysis"]
 
@@ -74,7 +76,7 @@ class FullAnalysis(AttractorBackend):
             return answer.point
 
         chosen = {name: options[name] for name in EMBEDDING}
-        # `embed` uses mutual information and Cao's method by default.
+        # `choose_embeddings` compares delays and dimensions by default.
         if chosen["delay"] is None and options["delay_method"] != MutualInformation.name:
             plan = part(_DELAYS[options["delay_method"]](), "delay", {})
             chosen["delay"] = None if plan is None else plan.delay
@@ -83,22 +85,31 @@ class FullAnalysis(AttractorBackend):
             given = {"delay": chosen["delay"]} if "delay" in backend.options else {}
             plan = part(backend, "dimension", given)
             chosen["dimension"] = None if plan is None else plan.dimension
-        embedding = embed(problem, chosen)
-        where = asdict(embedding)
-        result = part(_EXPONENTS[options["exponent_method"]](), "exponent", where)
-        exponent = None if result is None else result.exponent
-        result = part(CorrelationDimension(), "correlation dimension", where)
-        correlation = None if result is None else result.correlation
-        seed = 0 if request.seed is None else request.seed
-        test, poll = None, poll_of(request)
+        embeddings, ahead = choose_embeddings(problem, chosen)
+        embedding, duration = embeddings[0], len(problem.series) * problem.period
+        seed, poll = 0 if request.seed is None else request.seed, poll_of(request)
+        test = ranking = None
         try:
             poll()
-            ranking = ranks(problem.series, embedding, options, seed, poll)
+            ranking = ranks(problem.series, embedding, options, seed, poll, ahead)
         except RunStopped:
             remarks.append("no judgement: the run was stopped before")
         else:
-            test, why = judge(ranking, exponent, len(problem.series) * problem.period)
             figures.update(statistics(ranking))
-            remarks.append(why)
+        wide = ranking is not None and ranking.rejected
+        result = part(_EXPONENTS[options["exponent_method"]](wide), "exponent", chosen)
+        exponent = None if result is None else result.exponent
+        if exponent is not None:
+            embedding = Embedding(result.delay, result.dimension, result.theiler)
+        result = part(CorrelationDimension(), "correlation dimension", asdict(embedding))
+        correlation = None if result is None else result.correlation
+        if ranking is not None:
+            try:
+                evidence = gather(problem, embedding, ahead, poll)
+            except RunStopped:
+                remarks.append("no judgement: the run was stopped before")
+            else:
+                test, why = judge(ranking, evidence, exponent, duration)
+                remarks.append(why)
         plan = embedding.plan(exponent=exponent, correlation=correlation, surrogates=test)
         return Finding(plan, figures, "; ".join(filter(None, remarks)))

@@ -101,15 +101,17 @@ class Finding:
 def embed(problem: AttractorAnalysis, options: Mapping[str, Any]) -> Embedding:
     """Return the embedding of `options` (:data:`EMBEDDING`); missing parts are chosen from the series.
 
-    The delay is the first minimum of the mutual information, the dimension is Cao's; with further
-    coordinates, the smallest that yields at least as many values per state. The Theiler window is the larger
-    of the span of a state and the first zero of the autocorrelation. Raise InvalidData if the series is too
-    short.
+    The delay is the first minimum of the mutual information, at most a quarter of the mean period (rounded). The
+    dimension is Cao's; with further coordinates, the smallest that yields at least as many values per state. The
+    Theiler window is the larger of the span of a state and the first zero of the autocorrelation. Raise InvalidData
+    if the series is too short.
     """
-    from .embedding import cao_dimension, first_minimum
+    from .embedding import cao_dimension, first_minimum, mean_period
 
     series = problem.series
-    delay = options.get("delay") or first_minimum(series)
+    delay = options.get("delay")
+    if not delay:
+        delay = max(min(first_minimum(series), round(mean_period(series) / 4.0)), 1)
     width = len(problem.coordinates)
     dimension = options.get("dimension") or -(-cao_dimension(series, delay) // width)
     theiler = options.get("theiler")

@@ -124,7 +124,7 @@ class SmallDataSets(Rosenstein):
     name = "small-data-sets"
     summary = "largest Lyapunov exponent by the paper's five steps (equations 13-14)"
 
-    def embedding(self, problem: AttractorAnalysis, request: Request) -> Embedding:
+    def embeddings(self, problem: AttractorAnalysis, request: Request) -> list[Embedding]:
         """Return the embedding of steps 1 and 2; options override its parts."""
         chosen = {name: request.options[name] for name in EMBEDDING}
         if chosen["delay"] is None:
@@ -138,7 +138,7 @@ class SmallDataSets(Rosenstein):
             # Without a slope the dimension is Cao's, as in the other backends.
             if answer.point is not None and answer.point.correlation is not None:
                 chosen["dimension"] = math.ceil(2.0 * answer.point.correlation.value + 1.0)
-        return embed(problem, chosen)
+        return [embed(problem, chosen)]
 
     def region(
         self, states: Floats, embedding: Embedding, request: Request

@@ -121,7 +121,7 @@ def steady_stretches(
     """
     places = np.unique(np.linspace(0, len(x) - 1, PLACES).round().astype(np.int64))
     begin, end = (part.ravel() for part in np.meshgrid(places, places, indexing="ij"))
-    wide = end - begin >= max(least, 4) - 1
+    wide = end - begin >= max(least, 3) - 1
     if from_first:
         wide &= begin == 0
     if to_last:
@@ -152,6 +152,8 @@ UNCONFIRMED_EXPONENT, UNCONFIRMED_DIMENSION = 0.10, 0.05
 #: Uncertainty of an exponent in nats over the whole series: neighbours that separate slowly, as on the strange
 #: attractor without chaos of Grebogi, Ott, Pelikan and Yorke, show a slope of 10 to 40 nats per series.
 PARTINGS = 12.0
+#: Ratio of the standard deviation of normal values to the median of their sizes.
+ROBUST = 1.4826
 #: Factor of the change of an exponent with half the radius.
 RADIUS = 2.0
 
@@ -202,6 +204,8 @@ def widened(
     between = unconfirmed * abs(slope.value)
     if squares:
         between = math.sqrt(sum(squares) / len(squares))
+        if len(squares) > 2:  # a few embeddings may be wrong
+            between = min(between, ROBUST * math.sqrt(float(np.median(squares))))
     parts = slope.deviation, region, between, relative * abs(slope.value), absolute
     return replace(slope, deviation=math.hypot(*parts))
 

@@ -1,7 +1,6 @@
-"""``surrogates``: a test against linear noise, and the decision whether a series is chaotic.
+"""Test of a series against surrogates, which are linear noise with its values and its spectrum.
 
-A positive exponent alone proves nothing, for noise has one too wherever a region is fitted to it. So the series
-is first set against surrogates: linear noise with its values and its spectrum. Sources: J. Theiler, S. Eubank,
+Sources: J. Theiler, S. Eubank,
 A. Longtin, B. Galdrikian and J. D. Farmer, "Testing for nonlinearity in time series: the method of surrogate data",
 Physica D 58, 1992; T. Schreiber and A. Schmitz, "Improved surrogate data for nonlinearity tests", Physical Review
 Letters 77, 1996; the same, "Surrogate time series", Physica D 142, 2000, for the choice of ends.
@@ -11,29 +10,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.attractor.model import AttractorAnalysis
-from ...models.attractor.plan import Judgement, Slope, SurrogateTest
-from ..contract.backend import Feature, Request
 from ..contract.option import Option
-from .embedding import thin_out
-from .exponents import Rosenstein
-from .native import EMBEDDING, AttractorBackend, Embedding, Finding, Poll, embed, poll_of, run_stage
-from .neighbour_kernels import nearest_states, order_states
+from .native import Embedding, Poll
+from .prediction import ASKED, prediction_error
 
 __all__ = [
     "RANKING",
     "Ranks",
-    "Surrogates",
-    "judge",
     "match_ends",
     "normal_scores",
     "ranks",
+    "statistics",
     "surrogates_of",
 ]
 
@@ -130,18 +123,12 @@ RANKING: Mapping[str, Option] = {
     "samples": Option(20_000, "samples of the series compared", int, lower=50, upper=100_000),
     "neighbours": Option(5, "nearest states for a prediction", int, lower=1, upper=100),
 }
-#: Number of predicted states, dimension above which fewer are predicted to save time, and their number. All states
-#: of the compared samples are possible neighbours.
-ASKED, HIGH, ASKED_HIGH = 2000, 5, 500
 #: Largest number of values of all surrogates together, beyond which fewer samples are compared.
 VALUES = 4_000_000
 #: Samples per delay above which samples are skipped.
 _FINE = 8
-#: Significance level, and number of deviations by which an exponent must exceed 0.
-_LEVEL, _SURE = 0.05, 2.0
-#: Smallest separation of neighbours over the series for chaos, in nats. A strange attractor without chaos shows
-#: up to 40.
-_NATS = 50.0
+#: Significance level of the rank.
+_LEVEL = 0.05
 #: Deviations of the surrogates' errors by which the series must be more predictable, and an error treated as 0.
 _SIGMAS, _NOTHING = 3.5, 1e-9
 
@@ -195,13 +182,15 @@ def ranks(
     options: Mapping[str, Any],
     seed: int,
     poll: Poll = bool,
+    ahead: int | None = None,
 ) -> Ranks:
-    """Return the rank of a series among its surrogates by its prediction one delay ahead.
+    """Return the rank of a series among its surrogates by its prediction, by default one delay ahead.
 
-    `options` are those of :data:`RANKING`. If a delay has more than 16 samples, samples are skipped so that
-    the same number covers a longer time.
+    `options` are those of :data:`RANKING`. If the time `ahead` has more than 16 samples, samples are skipped so
+    that the same number covers a longer time.
     """
-    step = max(embedding.delay // _FINE, 1)
+    ahead = embedding.delay if ahead is None else ahead
+    step = max(ahead // _FINE, 1)
     delay = max(round(embedding.delay / step), 1)
     most = min(options["samples"], max(VALUES // options["count"], ASKED))
     thin = np.ascontiguousarray(series[::step][:most])
@@ -216,10 +205,12 @@ def ranks(
         return Ranks(options["count"], options["count"], 0.0, 0.0, 0.0, jump, *extent)
     part /= spread
     dimension = max(min(embedding.dimension, len(part) // (4 * delay)), 1)
+    ahead = max(round(ahead / step), 1)
     theiler = min(embedding.theiler // step, len(part) // 10)
 
     def error(values: Floats) -> float:
-        return math.sqrt(prediction_error(values, delay, dimension, theiler, options["neighbours"]))
+        count = options["neighbours"]
+        return math.sqrt(prediction_error(values, delay, dimension, theiler, count, ahead))
 
     own_error, others = error(part), []
     drawn = surrogates_of(part, options["count"], np.random.default_rng(seed), poll)
@@ -232,82 +223,6 @@ def ranks(
     sigmas = float(logs[1:].mean() - logs[0]) / max(float(logs[1:].std(ddof=1)), _NOTHING)
     figures = math.exp(logs[0]), math.exp(float(np.median(logs[1:])))
     return Ranks(options["count"], exceeded, *figures, sigmas, jump, *extent)
-
-
-def prediction_error(values: Floats, delay: int, dimension: int, theiler: int, count: int) -> float:
-    """Return the mean square error of predictions one delay ahead by the mean future of the nearest states.
-
-    Up to :data:`ASKED` samples all states are predicted, otherwise a sample of them. A state has `count`
-    neighbours by the largest difference of a coordinate, more than `theiler` samples away. NaN if no state
-    has enough.
-    """
-    last = len(values) - dimension * delay
-    # The last coordinates diverge first, so the search is along the last one.
-    columns = [values[k * delay : k * delay + last] for k in range(dimension - 1, -1, -1)]
-    states, times, places = order_states(np.stack(columns, axis=1))
-    rows = thin_out(last, ASKED if dimension <= HIGH or len(values) <= ASKED else ASKED_HIGH)
-    which, _, _ = nearest_states(states, times, places[rows], theiler, count, True)
-    complete = which[:, -1] >= 0
-    if not complete.any():
-        return math.nan
-    futures = values[dimension * delay :]
-    errors = futures[rows[complete]] - futures[which[complete]].mean(axis=1)
-    return float((errors**2).mean())
-
-
-def judge(
-    ranking: Ranks, exponent: Slope | None, duration: float = math.inf
-) -> tuple[SurrogateTest, str]:
-    """Return the judgement from the rank and the exponent in nats per second, and its reason.
-
-    `duration` is that of the series in seconds.
-    """
-    if not ranking.rejected:
-        judgement = Judgement.NOISE
-        drifts = "the series drifts: its surrogates have a jump that it has not, and prove nothing"
-        reason = drifts if ranking.jump > 1.0 else "linear noise explains the series as well"
-    elif exponent is None:
-        judgement = Judgement.NONLINEAR
-        reason = "linear noise does not explain the series, but no positive exponent was found"
-    elif exponent.value - _SURE * exponent.deviation <= 0:
-        judgement = Judgement.NONLINEAR
-        reason = f"linear noise does not explain the series, but the exponent {exponent} may be 0"
-    elif exponent.value * duration < _NATS:
-        judgement = Judgement.NONLINEAR
-        reason = (
-            "linear noise does not explain the series, but neighbours part by "
-            f"{exponent.value * duration:.3g} nats over its length: {_NATS:g} are needed to call it chaotic"
-        )
-    else:
-        judgement, reason = Judgement.CHAOTIC, ""
-    reason = "; ".join(filter(None, (reason, ranking.extent)))
-    return SurrogateTest(judgement, ranking.count, ranking.exceeded), reason
-
-
-class Surrogates(AttractorBackend):
-    """Backend for a rank test against surrogates (IAAFT), and an exponent if they are rejected."""
-
-    name = "surrogates"
-    summary = "noise, nonlinear or chaotic: a rank test against linear noise (IAAFT)"
-    features = frozenset({Feature.INTERRUPT, Feature.SEED})
-    deterministic = False
-    options: ClassVar[Mapping[str, Option]] = {**EMBEDDING, **RANKING}
-
-    def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
-        """Compute the rank of the series and the judgement."""
-        options = request.options
-        embedding = embed(problem, options)
-        seed = 0 if request.seed is None else request.seed
-        result = ranks(problem.series, embedding, options, seed, poll_of(request))
-        exponent, messages = None, []
-        if result.rejected:
-            answer = run_stage(Rosenstein(), problem, request, asdict(embedding))
-            exponent = answer.point.exponent
-            messages.append(answer.message)
-        test, said = judge(result, exponent, len(problem.series) * problem.period)
-        messages.append(said)
-        plan = embedding.plan(exponent=exponent, surrogates=test)
-        return Finding(plan, statistics(result), "; ".join(filter(None, messages)))
 
 
 def statistics(ranking: Ranks) -> dict[str, Any]:

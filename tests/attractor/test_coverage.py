@@ -9,13 +9,15 @@ from attractor.known import analysed, arma, henon, logistic, lorenz, rossler
 
 from crosstrack.instances.attractor.systems import generate
 from crosstrack.models import AttractorAnalysis
-from crosstrack.models.attractor import Judgement
+from crosstrack.models.attractor import Evidence, Judgement
 from crosstrack.models.attractor.plan import Method, Slope
 from crosstrack.solvers import Request, find_backend
-from crosstrack.solvers.attractor import surrogates
+from crosstrack.solvers.attractor import prediction, surrogates
 from crosstrack.solvers.attractor.native import Embedding
+from crosstrack.solvers.attractor.prediction import prediction_error
 from crosstrack.solvers.attractor.regions import variants, widened
-from crosstrack.solvers.attractor.surrogates import Ranks, judge, prediction_error, surrogates_of
+from crosstrack.solvers.attractor.surrogates import Ranks, surrogates_of
+from crosstrack.solvers.attractor.verdict import judge
 
 
 def ikeda(n):
@@ -121,12 +123,36 @@ def test_many_surrogates_of_a_long_series_compare_fewer_samples(monkeypatch):
 
 def test_a_small_exponent_of_a_short_series_is_not_called_chaotic():
     clear = Ranks(39, 0, 0.1, 1.0, 50.0, 0.0)
-    slope = Slope(Method.ROSENSTEIN, 0.02, 0.001, 0.0, 5.0)
-    assert judge(clear, slope, 10_000)[0].judgement is Judgement.CHAOTIC
-    test, said = judge(clear, slope, 1000)
-    assert test.judgement is Judgement.NONLINEAR and "20 nats over its length" in said
-    test, said = judge(clear, replace(slope, deviation=0.02), 10_000)
+    evidence = Evidence(1, 0.5, 0.1, 5.0, 0.0, 1, 0.9)
+    slope = Slope(Method.ROSENSTEIN, 0.01, 0.001, 0.0, 5.0)
+    assert judge(clear, evidence, slope, 10_000)[0].judgement is Judgement.CHAOTIC
+    test, said = judge(clear, evidence, slope, 1000)
+    assert test.judgement is Judgement.NONLINEAR and "10 nats over its length" in said
+    test, said = judge(clear, evidence, replace(slope, deviation=0.02), 10_000)
     assert test.judgement is Judgement.NONLINEAR and "may be 0" in said
+    test, said = judge(clear, evidence, None, 10_000)
+    assert test.judgement is Judgement.NONLINEAR and "no positive exponent" in said
+
+
+@pytest.mark.parametrize(
+    ("change", "judgement", "said"),
+    [
+        ({"far": 4.5}, Judgement.REGULAR, ""),
+        ({"linear": 0.001}, Judgement.REGULAR, ""),
+        ({"far": 2.0}, Judgement.NONLINEAR, "have not parted"),
+        ({"zero_one": 0.1}, Judgement.NONLINEAR, "0-1 test gives 0.1"),
+        ({"nonlinear": 0.45}, Judgement.NONLINEAR, "hardly better than a linear"),
+        ({"nonlinear": 0.55}, Judgement.NOISE, "linear noise explains"),
+    ],
+)
+def test_evidence_decides(change, judgement, said):
+    clear = Ranks(39, 0, 0.1, 1.0, 50.0, 0.0)
+    evidence = replace(Evidence(1, 0.5, 0.1, 5.0, 0.0, 1, 0.9), **change)
+    slope = Slope(Method.ROSENSTEIN, 0.01, 0.001, 0.0, 5.0)
+    test, why = judge(clear, evidence, slope, 10_000)
+    assert test.judgement is judgement and said in why
+    drifts, why = judge(replace(clear, jump=2.0), evidence, slope, 10_000)
+    assert drifts.judgement is Judgement.NOISE and "drifts" in why
 
 
 @pytest.mark.parametrize(("delay", "dimension", "theiler"), [(1, 2, 1), (3, 6, 20)])
@@ -134,7 +160,7 @@ def test_the_sampled_error_is_near_that_of_all_states(delay, dimension, theiler,
     series = arma(1500, (1.6, -0.8), seed=5)
     wanted = prediction_error(series, delay, dimension, theiler, 5)
     for name in ("ASKED", "ASKED_HIGH"):
-        monkeypatch.setattr(surrogates, name, 700)
+        monkeypatch.setattr(prediction, name, 700)
     found = prediction_error(series, delay, dimension, theiler, 5)
     assert found != wanted and found == pytest.approx(wanted, rel=0.1)
 

@@ -14,11 +14,11 @@ from crosstrack.models.attractor import Judgement
 from crosstrack.solvers import Control, Limit, Termination
 from crosstrack.solvers.attractor.native import Embedding, embed
 from crosstrack.solvers.attractor.neighbour_kernels import nearest_states
+from crosstrack.solvers.attractor.prediction import prediction_error
 from crosstrack.solvers.attractor.surrogates import (
     RANKING,
     match_ends,
     normal_scores,
-    prediction_error,
     ranks,
     surrogates_of,
 )

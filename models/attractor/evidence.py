@@ -1,0 +1,129 @@
+"""Evidence of a judgement computed again from the series, pair by pair and without the solvers' searches."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .checks import Sample
+from .plan import AttractorEstimate, Evidence
+
+__all__ = ["evidence_gap"]
+
+Floats = NDArray[np.float64]
+
+#: Samples and frequencies of the 0-1 test, orders of linear models, samples per coefficient and of predictions.
+MOST, FREQUENCIES, ORDERS, PER_COEFFICIENT, LEADING = 1500, 48, (2, 5, 10, 20, 40), 20, 10_000
+#: States of a prediction, pairs and times of mean logarithms, and smallest relative distance.
+NEAREST, PAIRS, TIMES, NOTHING = 5, 20_000, 50, 1e-9
+#: Allowance for means over samples of states: nats, relative error of a prediction, and standard errors.
+NATS, SHARE, ERRORS = 0.15, 1e-6, 5.0
+
+
+def evidence_gap(series: Floats, plan: AttractorEstimate, found: Evidence, seed: int) -> float:
+    """Return the largest difference of a figure from the recomputed one beyond its allowance, 0 if all agree."""
+    x = (series - series.min()) / np.ptp(series)
+    x = (x - x.mean()) / x.std()
+    gaps = [
+        abs(found.zero_one - zero_one(x, found.step)) - SHARE,
+        abs(found.linear - linear_error(x[:LEADING], found.ahead)) - SHARE,
+    ]
+    part = x[:LEADING]
+    error, allowed = nearest_error(part, plan, found.ahead, seed)
+    gaps.append(abs(found.nonlinear - error) - allowed - SHARE)
+    gaps += partings_gaps(x, plan, found, seed)
+    return max(0.0, *gaps)
+
+
+def zero_one(x: Floats, step: int) -> float:
+    """Return the median correlation of mean square displacements with time."""
+    x = x[::step][:MOST]
+    x = (x - x.mean()) / (x.std() or 1.0)
+    n, cut, result = len(x), len(x) // 10, []
+    ahead = np.arange(1, cut + 1)
+    for c in np.pi * (0.2 + 0.6 * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES):
+        turned = c * np.arange(1, n + 1)
+        p, q = np.cumsum(x * np.cos(turned)), np.cumsum(x * np.sin(turned))
+        moved = np.zeros(cut)
+        for k in range(1, cut + 1):
+            moved[k - 1] = (
+                (p[k : n - cut + k] - p[: n - cut]) ** 2 + (q[k : n - cut + k] - q[: n - cut]) ** 2
+            ).mean()
+        result.append(float(np.corrcoef(ahead, moved)[0, 1]) if np.ptp(moved) > 0 else 0.0)
+    return float(np.median(result))
+
+
+def linear_error(x: Floats, ahead: int) -> float:
+    """Return the error of the best least-squares prediction from the last 2 … 40 samples."""
+    errors = []
+    for order in ORDERS:
+        rows = len(x) - order - ahead + 1
+        if rows >= PER_COEFFICIENT * order:
+            columns = [x[k : k + rows] for k in range(order)]
+            base, _ = np.linalg.qr(np.stack([np.ones(rows), *columns], axis=1))
+            rest = x[order - 1 + ahead :]
+            for _ in range(2):  # the second projection removes the rounding of the first
+                rest = rest - base @ (base.T @ rest)
+            errors.append(float(np.sqrt(rest @ rest / (rows - order - 1)) / x.std()))
+    return min(errors, default=1.0)
+
+
+def nearest_error(x: Floats, plan: AttractorEstimate, ahead: int, seed: int) -> tuple[float, float]:
+    """Return the error of predictions by five nearest states, and its allowance."""
+    states = embedded(x, plan)
+    sample, last = Sample(states, min(plan.theiler, len(x) // 4), seed), len(states) - ahead
+    futures, errors = x[plan.window + ahead :], [np.zeros(0)]
+    for some, apart in sample.blocks(last, largest=True):
+        least = np.partition(apart, NEAREST - 1, axis=1)[:, NEAREST - 1]
+        near = np.zeros((len(some), NEAREST), np.int64)
+        for k, row in enumerate(apart):  # of equally near states the earlier ones
+            within = np.flatnonzero(row <= least[k])
+            near[k] = within[np.argsort(row[within], kind="stable")[:NEAREST]]
+        good = np.isfinite(least)
+        errors.append((futures[some] - futures[near].mean(axis=1))[good] ** 2)
+    squares = np.concatenate(errors) / x.var()
+    if not len(squares):
+        return 1.0, 0.0
+    error = float(np.sqrt(squares.mean()))
+    spread = float(squares.std()) / np.sqrt(len(squares)) / max(2.0 * error, NOTHING)
+    return error, 0.0 if sample.whole else ERRORS * spread
+
+
+def partings_gaps(x: Floats, plan: AttractorEstimate, found: Evidence, seed: int) -> list[float]:
+    """Return the differences of both separations of nearest states beyond their allowances."""
+    states = embedded(x, plan)
+    ahead = np.linspace(len(x) // 6, len(x) // 3, TIMES).astype(np.int64)
+    sample, last = Sample(states, plan.theiler, seed), len(states) - int(ahead[-1])
+    least = NOTHING * float(np.ptp(states))
+    firsts, seconds = np.random.default_rng(seed).integers(0, len(states), (2, PAIRS))
+    levels = logs(states[firsts] - states[seconds], least)
+    early, late = [np.zeros(0)], [np.zeros(0)]
+    for some, apart in sample.blocks(last, largest=True):
+        near = apart.argmin(axis=1)
+        good = np.isfinite(apart[np.arange(len(some)), near])
+        some, near = some[good], near[good]
+        early.append(logs(states[some] - states[near], least))
+        moved = [logs(states[some + k] - states[near + k], least) for k in ahead]
+        late.append(np.mean(moved, axis=0))
+    gaps = []
+    for value, parts in ((found.near, early), (found.far, late)):
+        rows = np.concatenate(parts)
+        if len(rows):
+            allowed = NATS + ERRORS * math.hypot(
+                float(rows.std()) / math.sqrt(min(len(rows), 500)), float(levels.std()) / 64.0
+            )
+            gaps.append(abs(value - float(levels.mean() - rows.mean())) - allowed)
+    return gaps
+
+
+def embedded(x: Floats, plan: AttractorEstimate) -> Floats:
+    """Return the states of a series in the embedding of a plan."""
+    count = len(x) - plan.window
+    return np.stack([x[k * plan.delay :][:count] for k in range(plan.dimension)], axis=1)
+
+
+def logs(apart: Floats, least: float) -> Floats:
+    """Return the logarithms of the largest differences of a coordinate."""
+    return np.log(np.maximum(np.abs(apart).max(axis=1), least))
