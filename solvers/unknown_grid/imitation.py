@@ -153,10 +153,11 @@ def walk_through(
     chosen = np.full(len(rows), LOOK)
     while True:
         looks = Looks.read(model, rows, world(np.column_stack([rows, chosen]).astype(float)))
-        rows, _, corners, _, _, cells = (array[looks.states == GOING] for array in looks)
+        looks = Looks._make(array[looks.states == GOING] for array in looks)
+        rows = looks.scenes
         if not len(rows):
             return world
-        observed = memory.look(rows, world.positions[rows], corners, cells)
+        observed = memory.look(rows, looks.positions, looks.corners, looks.view)
         chosen = np.asarray(choose(observed, rows))
         memory.act(rows, chosen)
 

@@ -24,6 +24,7 @@ from .imitation import Recurrence, choose_actions
 from .memory import Memory
 from .native import PERCEPTION, NavigationBackend
 from .networks import load_network
+from .training_laws import outside_law, statement
 
 if TYPE_CHECKING:
     import torch
@@ -51,7 +52,7 @@ class LearnedPolicy:
     def __init__(
         self, problem: UnknownGridNavigation, scenes: Ints, network: torch.nn.Module
     ) -> None:
-        self.network = Recurrence(network)
+        self.network, self.law = Recurrence(network), str(getattr(network, "law", ""))
         self.first = int(scenes[0])
         self.memory = Memory(problem.shape, problem.view, problem.targets[scenes])
         #: Number of decisions with a non-finite logit.
@@ -66,6 +67,10 @@ class LearnedPolicy:
         self.faults += int((wrong > 0).sum())
         self.memory.act(rows, actions)
         return actions
+
+    def seen(self) -> NDArray[np.int8]:
+        """Return the cells seen so far, shape (n, rows, columns), see :class:`~.memory.Observation`."""
+        return self.memory.known(np.arange(len(self.memory.targets)))
 
 
 class _Learned(NavigationBackend):
@@ -95,7 +100,7 @@ class _Learned(NavigationBackend):
         return load_network(self.name, options["weights"])
 
     def run(self, problem: UnknownGridNavigation, request: Request) -> Answer:
-        """Run the policy and count the decisions with non-finite logits."""
+        """Run the policy, and count decisions with non-finite logits and scenes outside the law of the training."""
         import torch
 
         if reason := self.refuses(problem):
@@ -104,19 +109,27 @@ class _Learned(NavigationBackend):
         running._policies = []
         with one_thread(), torch.inference_mode():
             answer = super(_Learned, running).run(problem, request)
-        faults = sum(policy.faults for policy in running._policies)
-        if not faults:
+        policies = running._policies
+        if not policies:
             return answer
-        return replace(answer, statistics={**answer.statistics, "decisions not finite": faults})
+        statistics, message = dict(answer.statistics), answer.message
+        if faults := sum(policy.faults for policy in policies):
+            statistics["decisions not finite"] = faults
+        law = policies[0].law
+        outside, reason = outside_law(problem, law, (policy.seen() for policy in policies))
+        if outside is not None:
+            count = statistics["scenes outside the law"] = int(outside.sum())
+            shipped = not any(request.options[name] for name in self.options if "weights" in name)
+            text = statement(count, problem.scenes, law, reason, self.name if shipped else "")
+            message = "; ".join(filter(None, (message, text)))
+        return replace(answer, statistics=statistics, message=message)
 
 
 class SmallVin(_Learned):
     """Value iteration on the remembered map with learned costs of cells."""
 
     name = "small-vin"
-    summary = (
-        "a small value iteration network on the remembered map, begun as value iteration itself"
-    )
+    summary = "a small value iteration network on the remembered map, begun as value iteration"
 
 
 class Vin(_Learned):
@@ -156,4 +169,6 @@ class Mcgn(Macn):
     def network(self, options: Mapping[str, Any]) -> torch.nn.Module:
         first = load_network("mcgn-1", options["weights"])
         first.without = options["without"]
-        return macn.combine(first, load_network("mcgn-2", options["weights_2"]))
+        network = macn.combine(first, load_network("mcgn-2", options["weights_2"]))
+        network.law = first.law
+        return network

@@ -107,18 +107,24 @@ class Memory:
         for cells, which in ((self._cells, rows), (now, indices)):
             windows = sliding_window_view(cells, self._view, axis=(1, 2), writeable=True)
             windows[which, *first] = view
-        known, current = self._cells[rows][self._inner], now[self._inner]
-        known[self._hits[rows]] = BLOCKED
-        known[indices, places[:, 0], places[:, 1]] = FREE
-        known[indices, targets[:, 0], targets[:, 1]] = TARGET
+        current = now[self._inner]
         away = targets - corners
         seen = ((away >= 0) & (away < self._view)).all(axis=1)
         current[seen, targets[seen, 0], targets[seen, 1]] = TARGET
         self._seen[rows] |= seen
         self._places[rows] = places
+        seen = self._seen[rows].copy()
         return Observation(
-            known, current, view, np.asarray(corners), places, targets, self._seen[rows].copy()
+            self.known(rows), current, view, np.asarray(corners), places, targets, seen
         )
+
+    def known(self, rows: Ints) -> Cells:
+        """Return the cells seen so far in the scenes `rows`, shape (n, rows, columns), see :class:`Observation`."""
+        known = self._cells[rows][self._inner]
+        known[self._hits[rows]] = BLOCKED
+        for cells, value in ((self._places, FREE), (self.targets, TARGET)):
+            known[np.arange(len(rows)), *cells[rows].T] = value
+        return known
 
     def act(self, rows: Ints, actions: Ints) -> None:
         """Store the next actions, so that the following observation reveals collisions."""

@@ -191,6 +191,7 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel, checkout):
     # Files of the page that shows a plan.
     page = ("draw.js", "panel.js", "view.js", "view.css", "view.html")
     expected |= {f"crosstrack/solvers/report/view/{name}" for name in page}
+    expected |= {"crosstrack/solvers/unknown_grid/laws.json"}
     info = {name for name in held if ".dist-info/" in name}
     assert held - info == expected
     assert {"entry_points.txt", "LICENSE"} <= {name.rpartition("/")[2] for name in info}
