@@ -209,14 +209,15 @@ class AttractorAnalysis(Model[AttractorEstimate]):
         if (spectrum := plan.spectrum) is not None:
             count = len(spectrum.values)
             values, errors = exponents(sample, spectrum.step, spectrum.neighbours, count)
-            rate, most = 1.0 / (spectrum.step * self.period), len(sample.states[0])
-            apart = np.abs(np.array(spectrum.values) - values * rate) - 5.0 * errors * rate
+            rate = 1.0 / (spectrum.step * self.period)
             # Of few steps, the allowance is limited to the exponent or to one nat per step.
             scale = np.maximum(np.abs(spectrum.values), rate)
+            apart = np.abs(np.array(spectrum.values) - values * rate)
+            apart -= np.minimum(5.0 * errors * rate, scale)
             over = float(np.max(np.nan_to_num(np.maximum(apart, 0.0) / scale, nan=np.inf)))
             checks.append(
                 Check.scaled(
-                    "spectrum is that of the linear maps", "", over if count <= most else np.inf, "",
+                    "spectrum is that of the linear maps", "", over, "",
                     f"computed again {', '.join(f'{x * rate:.4g}' for x in values)}", tolerance, 1.0,
                 )
             )  # fmt: skip

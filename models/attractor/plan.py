@@ -261,7 +261,7 @@ class Measures(Declared):
     """Measures of recurrence, order and memory; None for an undefined one.
 
     States are recurrent if they are more than the Theiler window apart in time and no coordinate differs by
-    more than `radius`. Recurrence and the sample entropy use the first 10,000 samples.
+    more than `radius`. Recurrence and the sample entropy use the first 4000 samples.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 
 #: Largest number of steps of a recomputed spectrum.
-STEPS = 2000
+STEPS = 1000
 #: Number of steps after which the axes of a spectrum are aligned, at most a tenth of all.
 SKIPPED = 20
 #: Largest number of states for recurrence, and of values for the sample entropy.
@@ -46,11 +46,13 @@ def exponents(sample: Sample, step: int, neighbours: int, count: int) -> tuple[F
 
     The reference states are `step` samples apart. Their neighbours, without equal states, are projected on
     their leading principal directions, and the map is the regression of the projections one step later.
-    The errors are 0 if all references are used. NaN if a map is degenerate.
+    The errors are 0 if all references are used. NaN if a map is degenerate or missing.
     """
     states, last = sample.states, len(sample.states) - step
     chain = np.arange(0, last, step)
     most = step_limit(states)
+    if count > states.shape[1] or len(chain) < 2 or neighbours > last:
+        return np.full((2, count), np.nan)
     is_whole, chain = len(chain) <= most, chain[:most]
     columns, clouds, frames = states[:last].T, [], []
     for i in chain.tolist():
@@ -59,9 +61,11 @@ def exponents(sample: Sample, step: int, neighbours: int, count: int) -> tuple[F
             squares += (column - column[i]) ** 2
         squares[squares == 0] = np.inf
         squares[max(i - sample.theiler, 0) : i + sample.theiler + 1] = np.inf
-        near = np.argsort(squares, kind="stable")[:neighbours]
-        if len(near) < neighbours or not np.isfinite(squares[near]).all():
+        farthest = np.partition(squares, neighbours - 1)[neighbours - 1]
+        if not np.isfinite(farthest):
             return np.full((2, count), np.nan)
+        near = np.flatnonzero(squares <= farthest)
+        near = near[np.argsort(squares[near], kind="stable")][:neighbours]
         clouds.append(near)
         offsets = states[near] - states[near].mean(axis=0)
         frames.append(np.linalg.svd(offsets, full_matrices=False)[2][:count].T)

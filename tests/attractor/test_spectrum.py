@@ -61,7 +61,7 @@ def within(values, deviations, known, count=2.0):
 
 
 def test_the_henon_map():
-    model = AttractorAnalysis(henon(5000))
+    model = AttractorAnalysis(henon(3000))
     found = ct.solve(model, "lyapunov-spectrum")
     spectrum = found.plan.spectrum
     assert found.verification.ok and spectrum.resolved == 2
@@ -77,9 +77,9 @@ def test_the_henon_map():
 def test_exponents_of_the_embedding_are_removed():
     """The map has two exponents in every embedding; a fit of all directions has a spurious one of 0.76."""
     for dimension in (2, 3, 4):
-        _, answer = analysed("lyapunov-spectrum", henon(3000), dimension=dimension)
+        _, answer = analysed("lyapunov-spectrum", henon(1500), dimension=dimension)
         assert answer.point.spectrum.values == pytest.approx((0.419, -1.623), rel=0.08)
-    _, answer = analysed("lyapunov-spectrum", henon(3000), dimension=3, exponents=3)
+    _, answer = analysed("lyapunov-spectrum", henon(1500), dimension=3, exponents=3)
     assert answer.point.spectrum.values[0] > 0.6
     _, answer = analysed("lyapunov-spectrum", logistic(2000), dimension=3)
     assert answer.point.spectrum.values == pytest.approx((math.log(2),), rel=0.02)
@@ -90,17 +90,17 @@ def test_exponents_of_the_embedding_are_removed():
     [("lorenz", lorenz_rates, (8.0, 8, 27), 0.05, 0.01), ("rossler", rossler_rates, (-4.0, 0, 0), 0.3, 0.05)],
 )  # fmt: skip
 def test_flows_beside_their_equations(system, rates, start, period, step):
-    known = spectrum_of_equations(rates, start, step, 12_000)
+    known = spectrum_of_equations(rates, start, step, 6000)
     assert known == pytest.approx(
-        {"lorenz": (0.906, 0, -14.57), "rossler": (0.0714, 0, -5.39)}[system], rel=0.1, abs=0.04
+        {"lorenz": (0.906, 0, -14.57), "rossler": (0.0714, 0, -5.39)}[system], rel=0.15, abs=0.06
     )
-    model = generate(system, 5000, period=period)
+    model = generate(system, 3000, period=period)
     found = ct.solve(model, "lyapunov-spectrum")
     spectrum = found.plan.spectrum
     assert found.verification.ok and spectrum.resolved >= 2
     published = {"lorenz": (0.9056, 0.0), "rossler": (0.0714, 0.0)}[system]
     assert within(spectrum.values[:2], spectrum.deviations[:2], published).all()
-    assert spectrum.values[0] == pytest.approx(known[0], rel=0.25)
+    assert spectrum.values[0] == pytest.approx(known[0], rel=0.3)
     # The third direction is thinner than curvature, and marked as such.
     assert spectrum.values[2] < -0.8 and spectrum.deviations[2] >= -spectrum.values[2] / 2
     assert "orders of magnitude" in found.message
@@ -108,7 +108,7 @@ def test_flows_beside_their_equations(system, rates, start, period, step):
 
 def test_all_coordinates_give_the_contraction_of_lorenz():
     """With three measured coordinates and a fine sampling the sum is the divergence, -13.67."""
-    states = orbit(motion_of(System.LORENZ, np.random.default_rng(1)), 8000, 0.02)
+    states = orbit(motion_of(System.LORENZ, np.random.default_rng(1)), 5000, 0.02)
     model = AttractorAnalysis(states[:, 0], 0.02, further=states[:, 1:])
     options = {"dimension": 1, "delay": 2, "step": 2, "theiler": 20, "exponents": 3}
     found = ct.solve(model, "lyapunov-spectrum", backend_options=options)
@@ -208,6 +208,8 @@ def test_a_plan_is_verified():
         {"values": [0.6, data["values"][1]]},
         {"neighbours": data["neighbours"] + 1},
         {"step": 2},
+        {"step": 10**9},
+        {"step": 298},
         {"values": [*data["values"], -9.0], "deviations": [*data["deviations"], 1.0]},
     ):
         wrong = AttractorEstimate(plan.delay, plan.dimension, plan.theiler, spectrum={**data, **change})
@@ -215,7 +217,7 @@ def test_a_plan_is_verified():
     too_many = AttractorEstimate(1, 2, 1, spectrum={**data, "neighbours": 400})
     assert not model.verify(too_many).ok
     for change, message in (
-        ({"values": []}, "not empty"),
+        ({"values": [], "deviations": []}, "not empty"),
         ({"values": [-1.0, 1.0]}, "descending order"),
         ({"resolved": 3}, "resolved must be <= 2"),
         ({"deviations": [1.0]}, "deviations"),
@@ -225,7 +227,7 @@ def test_a_plan_is_verified():
 
 
 def test_a_long_series_is_verified_by_a_part():
-    model = generate("henon", 12_000)
+    model = generate("henon", 4000)
     plan = ct.solve(model, "lyapunov-spectrum").plan
     assert model.verify(plan).ok
     data = plan.spectrum.data()
