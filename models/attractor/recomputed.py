@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,10 +50,10 @@ def exponents(sample: Sample, step: int, neighbours: int, count: int) -> tuple[F
     The errors are 0 if all references are used. NaN if a map is degenerate or missing.
     """
     states, last = sample.states, len(sample.states) - step
-    chain = np.arange(0, last, step)
+    chain, missing = np.arange(0, last, step), np.full(count, np.nan)
     most = step_limit(states)
     if count > states.shape[1] or len(chain) < 2 or neighbours > last:
-        return np.full((2, count), np.nan)
+        return missing, missing
     is_whole, chain = len(chain) <= most, chain[:most]
     columns, clouds, frames = states[:last].T, [], []
     for i in chain.tolist():
@@ -63,7 +64,7 @@ def exponents(sample: Sample, step: int, neighbours: int, count: int) -> tuple[F
         squares[max(i - sample.theiler, 0) : i + sample.theiler + 1] = np.inf
         farthest = np.partition(squares, neighbours - 1)[neighbours - 1]
         if not np.isfinite(farthest):
-            return np.full((2, count), np.nan)
+            return missing, missing
         near = np.flatnonzero(squares <= farthest)
         near = near[np.argsort(squares[near], kind="stable")][:neighbours]
         clouds.append(near)
@@ -76,7 +77,7 @@ def exponents(sample: Sample, step: int, neighbours: int, count: int) -> tuple[F
         )
         axes, growth = np.linalg.qr(np.linalg.lstsq(now, later, rcond=RANK)[0].T @ axes)
         if np.abs(np.diag(growth)).min() < DEGENERATE:
-            return np.full((2, count), np.nan)
+            return missing, missing
         logs.append(np.log(np.abs(np.diag(growth))))
     rows = np.array(logs[min(SKIPPED, len(logs) // 10) :])
     means = np.array([part.mean(axis=0) for part in np.array_split(rows, 10)])
@@ -107,7 +108,7 @@ def measures(states: Floats, series: Floats, theiler: int, given: Measures) -> d
         }
 
 
-def _lengths(hits: NDArray[np.bool_]) -> list[int]:
+def _lengths(hits: Any) -> list[int]:
     """Return the lengths of the runs of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], hits, [0]])))
     lengths: list[int] = (edges[1::2] - edges[::2]).tolist()

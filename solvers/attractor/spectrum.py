@@ -36,8 +36,9 @@ WORK, PILOT, SOME = 50_000_000, 50, 500
 #: Neighbours per unknown of a linear map, and of the test of directions.
 PER_UNKNOWN, CLOUD = 3, 12
 #: Growth of the extent of a direction with four times the neighbours relative to that of the first direction:
-#: 0 for noise, 1 for a direction of the attractor, 2 for curvature; and smallest growth of the first, in nats.
-NOISE, SQUARE, LOCAL = 0.6, 1.8, 0.05
+#: 0 for noise, 1 for a direction of the attractor, 2 for curvature; and largest extent of a fourth of the
+#: neighbours relative to the deviation of the states.
+NOISE, SQUARE, NEAR = 0.6, 1.8, 0.5
 #: Largest number of directions, and parts of the orbit for the standard error.
 DIRECTIONS, PARTS = 6, 10
 #: Extent of a direction relative to that of the states which is due to rounding.
@@ -121,7 +122,7 @@ def resolved_directions(states: Floats, theiler: int, step: int) -> int:
         sizes = np.linalg.svd(cloud, compute_uv=False) / math.sqrt(number)
         extents.append(np.median(sizes, axis=0)[:DIRECTIONS])
     floor = ROUNDING * float(np.ptp(states, axis=0).max())
-    if not extents[1][0] > math.exp(LOCAL) * extents[0][0] > floor:
+    if not floor < extents[0][0] < NEAR * states.std():
         return 0
     growth = np.log(np.maximum(extents[1], floor) / np.maximum(extents[0], floor))
     is_resolved = (growth > NOISE * growth[0]) & (growth < SQUARE * growth[0])

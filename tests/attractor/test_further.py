@@ -35,7 +35,9 @@ def test_states_are_stacked_after_scaling():
 
 def test_the_unit_of_a_further_coordinate_has_no_effect():
     model = lorenz(300)
-    other = AttractorAnalysis(model.series, model.period, further=model.further * [1e-6, 1e9] + [0, 5e9])
+    other = AttractorAnalysis(
+        model.series, model.period, further=model.further * [1e-6, 1e9] + [0, 5e9]
+    )
     assert np.allclose(model.states(1, 1), other.states(1, 1), rtol=1e-9)
 
 
@@ -111,7 +113,8 @@ def test_columns_of_a_file(tmp_path):
     file.write_text('time [s],"x,y"\n' + "\n".join(f"{k},{x}" for k, x in enumerate(model.series)))
     assert read_series(file, "x,y").further is None
     file.write_text(
-        "time [s],x,y\n" + "\n".join(f"{k},{x},{'' if k == 9 else x}" for k, x in enumerate(model.series))
+        "time [s],x,y\n"
+        + "\n".join(f"{k},{x},{'' if k == 9 else x}" for k, x in enumerate(model.series))
     )
     with pytest.raises(InvalidData, match="line 11, column y"):
         read_series(file, "x,y")

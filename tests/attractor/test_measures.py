@@ -202,7 +202,9 @@ def test_recurrence_beside_neurokit():
 def test_the_checks_equal_the_backend():
     model, answer = analysed("measures", henon(700))
     plan = answer.point
-    again = measures(model.states(plan.delay, plan.dimension), model.series, plan.theiler, plan.measures)
+    again = measures(
+        model.states(plan.delay, plan.dimension), model.series, plan.theiler, plan.measures
+    )
     assert again == pytest.approx(plan.measures.values, rel=1e-9, abs=1e-12)
     assert len(plan.measures.values) == 10 and not answer.message
     assert plan.measures.radius == pytest.approx(0.2 * model.series.std())

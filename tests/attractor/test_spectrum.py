@@ -90,9 +90,9 @@ def test_exponents_of_the_embedding_are_removed():
     [("lorenz", lorenz_rates, (8.0, 8, 27), 0.05, 0.01), ("rossler", rossler_rates, (-4.0, 0, 0), 0.3, 0.05)],
 )  # fmt: skip
 def test_flows_beside_their_equations(system, rates, start, period, step):
-    known = spectrum_of_equations(rates, start, step, 6000)
+    known = spectrum_of_equations(rates, start, step, 12_000)
     assert known == pytest.approx(
-        {"lorenz": (0.906, 0, -14.57), "rossler": (0.0714, 0, -5.39)}[system], rel=0.15, abs=0.06
+        {"lorenz": (0.906, 0, -14.57), "rossler": (0.0714, 0, -5.39)}[system], rel=0.1, abs=0.04
     )
     model = generate(system, 3000, period=period)
     found = ct.solve(model, "lyapunov-spectrum")
@@ -100,7 +100,7 @@ def test_flows_beside_their_equations(system, rates, start, period, step):
     assert found.verification.ok and spectrum.resolved >= 2
     published = {"lorenz": (0.9056, 0.0), "rossler": (0.0714, 0.0)}[system]
     assert within(spectrum.values[:2], spectrum.deviations[:2], published).all()
-    assert spectrum.values[0] == pytest.approx(known[0], rel=0.3)
+    assert spectrum.values[0] == pytest.approx(known[0], rel=0.25)
     # The third direction is thinner than curvature, and marked as such.
     assert spectrum.values[2] < -0.8 and spectrum.deviations[2] >= -spectrum.values[2] / 2
     assert "orders of magnitude" in found.message
@@ -138,8 +138,15 @@ def test_small_measurement_noise_adds_no_positive_exponents():
     _, answer = analysed("lyapunov-spectrum", x + 0.01 * x.std() * g.normal(size=5000))
     spectrum = answer.point.spectrum
     rate = 1 / 0.05
-    assert within(np.multiply(spectrum.values[:2], rate), np.multiply(spectrum.deviations[:2], rate), (0.906, 0)).all()
-    assert sum(value > 2 * d for value, d in zip(spectrum.values, spectrum.deviations, strict=True)) <= 1
+    assert within(
+        np.multiply(spectrum.values[:2], rate),
+        np.multiply(spectrum.deviations[:2], rate),
+        (0.906, 0),
+    ).all()
+    assert (
+        sum(value > 2 * d for value, d in zip(spectrum.values, spectrum.deviations, strict=True))
+        <= 1
+    )
 
 
 def test_exponents_have_the_unit_of_the_period():
@@ -212,7 +219,9 @@ def test_a_plan_is_verified():
         {"step": 298},
         {"values": [*data["values"], -9.0], "deviations": [*data["deviations"], 1.0]},
     ):
-        wrong = AttractorEstimate(plan.delay, plan.dimension, plan.theiler, spectrum={**data, **change})
+        wrong = AttractorEstimate(
+            plan.delay, plan.dimension, plan.theiler, spectrum={**data, **change}
+        )
         assert not model.verify(wrong).ok, change
     too_many = AttractorEstimate(1, 2, 1, spectrum={**data, "neighbours": 400})
     assert not model.verify(too_many).ok
@@ -238,7 +247,8 @@ def test_a_long_series_is_verified_by_a_part():
 def test_spectra_are_compared():
     model = generate("henon", 500)
     plan, other = (
-        ct.solve(model, "lyapunov-spectrum", backend_options={"neighbours": k}).plan for k in (9, 12)
+        ct.solve(model, "lyapunov-spectrum", backend_options={"neighbours": k}).plan
+        for k in (9, 12)
     )
     pairs = zip(plan.spectrum.values, other.spectrum.values, strict=True)
     worst = max(abs(a - b) / max(abs(a), abs(b)) for a, b in pairs)

@@ -81,7 +81,14 @@ def main() -> None:
                         total[4] += int(covered[0])
                         total[5] += spectrum.resolved > len(known)
                     if start == 0 and noise == 0 and count == SIZES[-1]:
-                        rows.append([name, ", ".join(f"{x:.3g}" for x in known), str(spectrum), spectrum.resolved if spectrum else 0])
+                        rows.append(
+                            [
+                                name,
+                                ", ".join(f"{x:.3g}" for x in known),
+                                str(spectrum),
+                                spectrum.resolved if spectrum else 0,
+                            ]
+                        )
                         print(*rows[-1], sep=" | ", flush=True)
     write(
         "attractor", "spectra", __file__, {"system": "", "equations": "", "from 3,000 samples": "", "resolved": "d"},
