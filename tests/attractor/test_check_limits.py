@@ -10,10 +10,14 @@ from check_limits import SCALES, assert_complete, assert_limit, assert_only, pai
 from crosstrack.models.attractor import (
     AttractorAnalysis,
     AttractorEstimate,
+    Measures,
     Slope,
+    Spectrum,
     SurrogateTest,
     model as checks,
 )
+from crosstrack.solvers.attractor.measures import permutation_entropy, recurrence
+from crosstrack.solvers.attractor.spectrum import tangents
 
 TOLERANCE = 1e-6
 CHAOS = [0.3]
@@ -105,7 +109,36 @@ def judged(judgement):
     return case
 
 
+def spectral(scale, share):
+    """Return the case of the only exponent of a map in one coordinate."""
+    states = analysis("chaos", 1.0).states(1, 1)
+    near = tangents(states, THEILER, 1, 6)
+    value = off(float(near.exponents(near.frames, 1)[0][0]) / PERIOD, PERIOD, share) / scale
+    plan = AttractorEstimate(1, 1, THEILER, spectrum=Spectrum((value,), (0.0,), 1, 6, 1))
+    return analysis("chaos", scale).verify(plan, tolerance=TOLERANCE)
+
+
+def measured(name):
+    """Return the case of one measure, below 1 or above."""
+
+    def case(scale, share):
+        states, values = analysis("chaos", 1.0).states(1, 1), SERIES["chaos"]
+        found = recurrence(states, THEILER, 0.25)
+        found["permutation_entropy"] = permutation_entropy(values, 4)
+        value = off(float(found[name]), 1.0, share)
+        plan = AttractorEstimate(1, 1, THEILER, measures=Measures(0.25 * scale, 4, **{name: value}))
+        return analysis("chaos", scale).verify(plan, tolerance=TOLERANCE)
+
+    return case
+
+
 LIMITS = {
+    "spectrum is that of the linear maps": [spectral],
+    "measures are those of the series": [
+        measured("permutation_entropy"),
+        measured("determinism"),
+        measured("diagonal_longest"),
+    ],
     "exponent is the slope of its curve": [
         growth("chaos", 1, 4),
         growth("chaos", 4, 8),
@@ -202,6 +235,7 @@ def test_the_objective_is_the_mean_error_of_known_figures(fields, objective):
 
 def test_every_check_is_tested():
     slopes = Slope("rosenstein", 0.0, 0.0, 1, 4), Slope("line", 0.0, 0.0, 0.1, 0.2)
-    plan = AttractorEstimate(1, 1, 0, *slopes, SurrogateTest("noise", 1, 1))
+    further = Spectrum((0.0,), (0.0,), 1, 6, 1), Measures(0.25, 4, hurst=0.5)
+    plan = AttractorEstimate(1, 1, 0, *slopes, SurrogateTest("noise", 1, 1), *further)
     found = analysis("chaos", 1.0).verify(plan)
     assert_complete({"embedding fits", *LIMITS}, [found], checks)

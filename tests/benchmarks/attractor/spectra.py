@@ -29,7 +29,7 @@ from crosstrack.solvers import Request, find_backend  # noqa: E402
 CHOSEN = ("logistic", "henon", "ikeda", "lorenz", "rossler", "sprott b")
 OTHERS = (
     "delayed logistic", "holmes", "burgers", "chen", "diffusionless lorenz", "rucklidge", "lozi", "tinkerbell",
-    "chua", "jerk", "butterfly", "thomas",
+    "chua", "jerk", "thomas",
 )  # fmt: skip
 SIZES, STARTS, NOISES = (1_000, 3_000), 1, (0.0, 0.05)
 DISPLACEMENT, STEPS = 1e-7, 5_000
