@@ -104,13 +104,7 @@ class OnlineFilter:
 
     def reset(self) -> None:
         """Forget all samples: the next one is the first of a drive."""
-        self._filter = _copied(self._start)
-        row, places = np.zeros((_ROOM, 10)), np.zeros((_ROOM, 1 + len(WINDOWS)), int)
-        columns: list[Any] = [column.copy() for column in row.T]
-        columns[1:1] = [np.zeros(_ROOM, bool)]
-        columns[8:8] = [places[:, 1:].copy(), places[:, 0].copy()]
-        counts = np.zeros(2 + len(WINDOWS), int)
-        self._track = Track._make([*columns, np.zeros(_ROOM), np.zeros(6), counts, self._sensors])
+        self._filter, self._track = _copied(self._start), _new_track(self._sensors)
         self._time, self._inputs = -math.inf, (math.nan, math.nan)
         self._samples: list[tuple[float, ...]] = []
         self._saved: list[tuple[Any, ...]] = [self._snapshot()] * 2 if self._history else []
@@ -161,8 +155,6 @@ class OnlineFilter:
                     "speed and steering must be known at the first sample", field="speed"
                 )
         first = not time - last <= MOST_GAP
-        if first and last > -math.inf:
-            self._track.counts[:2] = self._track.counts[0]  # no window spans the gap
         if self._track.counts[0] == len(self._track.times):
             self._track = _compacted(self._track)
         if self._history:
@@ -170,6 +162,8 @@ class OnlineFilter:
                 self._saved = [self._saved[1], self._snapshot()]
                 self._samples = [entry for entry in self._samples if entry[0] > self._saved[0][0]]
             self._samples.append(values)
+        if first:
+            self._filter, self._track = _copied(self._start), _new_track(self._sensors)
         self._time, self._inputs = time, (speed, steering)
         step = kalman_sample if self._backend == "kalman-filter" else unscented_sample
         data = time, speed, steering, yaw_rate, acceleration
@@ -235,6 +229,13 @@ class OnlineFilter:
 
 def _copied(arrays: Any) -> Any:
     return arrays._make(array.copy() for array in arrays)
+
+
+def _new_track(sensors: Floats) -> Track:
+    columns: list[Any] = [np.zeros(_ROOM) for _ in range(11)]
+    columns[1:1] = [np.zeros(_ROOM, bool)]
+    columns[8:8] = [np.zeros((_ROOM, len(WINDOWS)), int), np.zeros(_ROOM, int)]
+    return Track._make([*columns, np.zeros(6), np.zeros(2 + len(WINDOWS), int), sensors])
 
 
 def _compacted(track: Track) -> Track:

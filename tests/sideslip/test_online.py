@@ -136,6 +136,8 @@ def test_at_rest_the_angle_is_unknown_and_a_long_gap_starts_again():
     assert estimator.update([4.5, 0.5, 0.0, 0.0, 0.0]).deviation == UNKNOWN
     late = [[row[0] + 100.0, *row[1:]] for row in rows]
     np.testing.assert_array_equal(followed(estimator, late), followed(ct.prepare(model), late))
+    again = [[row[0] + 200.0, *row[1:]] for row in rows]  # while the vehicle moves
+    np.testing.assert_array_equal(followed(estimator, again), followed(ct.prepare(model), again))
     estimator.reset()
     np.testing.assert_array_equal(followed(estimator, rows), followed(ct.prepare(model), rows))
 
