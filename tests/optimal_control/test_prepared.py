@@ -222,7 +222,9 @@ def test_a_problem_without_data_and_one_that_lowers():
 
 def test_prepare_rejects_invalid_arguments():
     problem = brake()
-    with pytest.raises(UnsupportedFormulation, match="flights and grid maps, got model"):
+    with pytest.raises(
+        UnsupportedFormulation, match="flights, grid maps and sideslip models, got model"
+    ):
         ct.prepare(ct.load("error-correction/7"))
     with pytest.raises(UnsupportedOption, match=r"over CasADi's nlpsol.*'slsqp'"):
         ct.prepare(problem, backend="slsqp")
