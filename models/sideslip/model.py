@@ -131,14 +131,11 @@ class SideslipEstimation(Model[SideslipEstimate]):
 
     @property
     def preferred_backend(self) -> str:
-        """``unscented-filter`` if the tyres leave their linear range, else ``kalman-grnn`` if there are training drives.
+        """``unscented-filter`` if kinematics contradicts linear tyres, else ``kalman-grnn`` if there are training drives.
 
-        The recording excites grip and vehicle if kinematics contradicts linear tyres by more than 0.5° and eight
-        deviations of the acceleration's noise, and by more than twice the largest contradiction on training drives: drives like these are learned better.
-        The page of the problem has the measured table (``tests/benchmarks/sideslip/spins.py``).
-
-        Of five estimators in 15 scenarios without a spin ``kalman-grnn`` has the smallest ratio to the best one: 1.2 in the
-        geometric mean and 2.5 at most. ``rts-smoother``, the default without training drives, has 2.1 and 66
+        The contradiction must exceed 0.5° and eight deviations of the acceleration's noise, and twice that on training drives
+        (``tests/benchmarks/sideslip/spins.py``). Of six estimators in 15 scenarios without a spin ``kalman-grnn`` has the
+        smallest ratio to the best one: at most 7.2. ``rts-smoother``, the default without training drives, has at most 66
         (``tests/benchmarks/sideslip/errors.py``).
         """
         car = self.vehicle

@@ -27,14 +27,14 @@ Floats = NDArray[np.float64]
 
 #: Usual value, standard deviation and time constant (s) of inverse friction, bank angle (rad), biases of yaw rate (rad/s) and
 #: lateral acceleration (m/s²), mass factor and balance. The usual inverse friction is that of the vehicle, 0 for linear tyres.
-DRIFT = (
-    (math.nan, 1.0, 5.0),
-    (0.0, 0.02, 20.0),
-    (0.0, 0.01, 100.0),
-    (0.0, 0.2, 100.0),
-    (1.0, 0.15, 1000.0),
-    (0.0, 0.1, 1000.0),
-)
+DRIFT = {
+    "inverse friction": (math.nan, 1.0, 5.0),
+    "bank": (0.0, 0.02, 20.0),
+    "yaw rate bias": (0.0, 0.01, 100.0),
+    "acceleration bias": (0.0, 0.2, 100.0),
+    "mass factor": (1.0, 0.15, 1000.0),
+    "balance": (0.0, 0.1, 1000.0),
+}
 #: Factor on the noises of the model: the states do not represent every error of a vehicle. With 1 two deviations cover 82 % of
 #: the samples of the scenarios of ``two_track.py``, with 2 they cover 92 %, at errors that are smaller by a fifth.
 _NOISES = 2.0
@@ -42,21 +42,12 @@ _NOISES = 2.0
 _LOST = 1e4
 #: Seconds between two slides up to which they are one event, if the period is shorter.
 JOINED = 0.2
-#: Names of the estimated quantities in the statistics, after angle and yaw rate.
-_NAMES = (
-    "inverse friction",
-    "bank",
-    "yaw rate bias",
-    "acceleration bias",
-    "mass factor",
-    "balance",
-)
 
 
 def setting_of(problem: SideslipEstimation) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Return the constant arguments of the kernels for a model, from the vehicle to the initial state; it reads no measurements."""
     vehicle = problem.vehicle
-    drift, initial = np.array(DRIFT), np.empty((SIZE, 2))
+    drift, initial = np.array(list(DRIFT.values())), np.empty((SIZE, 2))
     drift[0, 0] = 0.0 if vehicle.tyre is Tyre.LINEAR else 1.0 / vehicle.friction
     initial[:2, 0], initial[:2, 1] = problem.initial, problem.initial_deviation
     initial[2:] = drift[:, :2]
@@ -89,7 +80,7 @@ class UnscentedFilter(SideslipBackend):
         # Birge ratio: innovations beyond the claimed ones scale the variance.
         scale = np.maximum(sums[:, 0] / np.maximum(sums[:, 1], 1.0), 1.0)
         deviation = np.abs(roots[:, 0, 0]) * np.sqrt(scale)
-        statistics = dict(zip(_NAMES, states[-1, 2:].tolist(), strict=True))
+        statistics = dict(zip(DRIFT, states[-1, 2:].tolist(), strict=True))
         statistics |= {"restarts": lost} if lost else {}
         slides &= drive.moving
         gap = max(JOINED, 1.5 * drive.period)

@@ -2,8 +2,8 @@
 
 The state is x = (β, ω, s, φ, b_ω, b_a, f, r): sideslip angle (rad), yaw rate (rad/s), inverse of the friction (s = 1/μ), bank
 angle of the road (rad, positive if the left side is higher), biases of yaw rate (rad/s) and lateral acceleration (m/s²),
-mass factor, which multiplies mass and yaw inertia, and balance, which multiplies the front and the rear cornering stiffness
-by 1 + r and 1 - r. Linear tyres are the case s = 0 of the brush model.
+mass factor, which multiplies the mass by f and the yaw inertia by (1 + f) / 2, and balance, which multiplies the front and
+the rear cornering stiffness by 1 + r and 1 - r. Linear tyres are the case s = 0 of the brush model.
 
 The covariance P = R Rᵀ is stored as its lower triangular root R, so it is positive semidefinite in floating-point arithmetic, too
 (I. Arasaratnam and S. Haykin, Cubature Kalman filters, IEEE Transactions on Automatic Control 54, 2009, appendix B). The 2 n
@@ -44,7 +44,7 @@ def adapt(p: Floats, loads: Floats, x: Floats, own: Floats) -> None:
     balance = min(max(x[7], -_MOST_BALANCE), _MOST_BALANCE)
     for j in range(len(p)):
         own[j] = p[j]
-    own[0], own[1] = factor * p[0], factor * p[1]
+    own[0], own[1] = factor * p[0], 0.5 * (1.0 + factor) * p[1]
     own[4], own[5] = (1.0 + balance) * p[4], (1.0 - balance) * p[5]
     own[6] = own[7] = math.inf
     if x[2] > _LEAST_INVERSE:
