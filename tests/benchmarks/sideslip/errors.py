@@ -146,7 +146,7 @@ def recommendation() -> None:
         ["geometric mean of the ratio to the best", *np.exp(np.log(ratios).mean(axis=0)), None]
     )
     rows.append(["largest ratio to the best", *ratios.max(axis=0), None])
-    said = "Mean error in degrees, median over the seeds. The recommended estimator has the smallest ratio to the best."
+    said = "Mean error in degrees, median over the seeds. The recommended estimator has the smallest geometric mean of the ratio to the best."
     store("recommendation", "drive", {**dict.fromkeys(NAMES, ".4f"), "seeds": "d"}, rows, said)
 
 
