@@ -41,3 +41,22 @@ def test_error_and_coverage_in_cross_validation(drive):
     error, coverage = np.mean(found, axis=0)
     assert error <= 0.30
     assert 0.90 <= coverage <= 0.98
+
+
+def test_signs_units_and_delays_of_the_file(drive):
+    """The angle is that of the velocities, and the sensors satisfy dvy/dt = ay - u ω without a scale or a delay."""
+    table = np.genfromtxt(stanford.FILE, delimiter=",", skip_header=1)
+    assert np.allclose(np.arctan2(table[:, 2], table[:, 1]), drive.sideslip, atol=1e-6)
+
+    def smooth(values):
+        return np.convolve(values, np.ones(15) / 15, "valid")
+
+    inertial = smooth(np.gradient(table[:, 2], 0.02) + drive.speed * drive.yaw_rate)
+    felt = smooth(drive.lateral_acceleration)
+    assert 0.9 < felt @ inertial / (inertial @ inertial) < 1.1
+    off = [
+        np.std(felt[10 + lag : len(felt) - 10 + lag] - inertial[10:-10]) for lag in range(-10, 11)
+    ]
+    assert abs(int(np.argmin(off)) - 10) <= 1
+    along = smooth(np.gradient(drive.speed, 0.02) - table[:, 2] * drive.yaw_rate)
+    assert 0.9 < smooth(drive.longitudinal_acceleration) @ along / (along @ along) < 1.1
