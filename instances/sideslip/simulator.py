@@ -77,10 +77,8 @@ def simulate(
     """
     v = vehicle
     if v.tyre is Tyre.MAGIC_FORMULA or v.load_loss > 0.0:
-        raise InvalidData(
-            f"tyre must be linear or saturating and load_loss 0 for simulated drives, got {v.tyre} and {v.load_loss:g}",
-            field="tyre",
-        )
+        text = f"tyre must be linear or saturating and load_loss 0 for simulated drives, got {v.tyre} and"
+        raise InvalidData(f"{text} {v.load_loss:g}", field="tyre")
     slowest = max(float(speed.min()), LOW_SPEED)
     decay = (v.cornering_front + v.cornering_rear) / v.mass
     decay += (v.front**2 * v.cornering_front + v.rear**2 * v.cornering_rear) / v.yaw_inertia

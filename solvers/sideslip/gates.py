@@ -182,30 +182,28 @@ def calibrate_reference(problem: SideslipEstimation, deviation: Floats) -> Sides
     measured angle. The factor on the declared noises is 1 if it contradicts at most 1 % of the known angles, and otherwise
     the one after the smallest sufficient factor of :data:`FACTORS`, because the estimated drive may be on another road.
     """
-    claim = 0.5 * float(np.median(deviation[problem.recording.moving]))
-    alone = replace(problem, training=(), truth=None)
     drives = [(replace(drive, sideslip=None), drive.sideslip) for drive in problem.training]
-    count = sum(len(drive) for drive in problem.training)
-    enough, scaled = False, alone
-    for factor in FACTORS:
-        if factor > FACTORS[0]:
-            scaled = replace(
-                alone, disturbance=factor * problem.disturbance,
-                yaw_rate_noise=factor * problem.yaw_rate_noise,
-                acceleration_noise=factor * problem.acceleration_noise,
-            )  # fmt: skip
-        if enough:
-            break
-        models = ((replace(scaled, recording=drive), angle) for drive, angle in drives)
-        flagged = sum(
-            np.count_nonzero(find_contradictions(model, angle, np.full(len(angle), claim)))
-            for model, angle in models
+    claim = 0.5 * float(np.median(deviation[problem.recording.moving]))
+    most = TOLERATED * sum(len(drive) for drive in problem.training)
+
+    def scaled(factor: float) -> SideslipEstimation:
+        return replace(
+            problem, training=(), truth=None, disturbance=factor * problem.disturbance,
+            yaw_rate_noise=factor * problem.yaw_rate_noise,
+            acceleration_noise=factor * problem.acceleration_noise,
+        )  # fmt: skip
+
+    def flagged(model: SideslipEstimation) -> int:
+        found = (
+            find_contradictions(replace(model, recording=drive), angle, np.full(len(angle), claim))
+            for drive, angle in drives
             if angle is not None
         )
-        enough = bool(flagged <= TOLERATED * count)
-        if enough and factor == FACTORS[0]:
-            break
-    return scaled
+        return sum(int(np.count_nonzero(differences)) for differences in found)
+
+    enough = (k for k, factor in enumerate(FACTORS) if flagged(scaled(factor)) <= most)
+    first = next(enough, len(FACTORS))
+    return scaled(FACTORS[min(first + 1, len(FACTORS) - 1) if first else 0])
 
 
 def find_contradictions(problem: SideslipEstimation, sideslip: Floats, deviation: Floats) -> Floats:

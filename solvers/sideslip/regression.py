@@ -202,6 +202,8 @@ def _correct_by_curve(
         for drive, entry in zip(drives, filtered, strict=True)
     )
     known = np.vstack([entry[drive.moving] for drive, entry in zip(drives[1:], there, strict=True)])
+    if not np.isfinite(known).all() or not np.isfinite(examples.angles).all():
+        return None
     learned = StraightLine(examples._replace(features=known))
     if not learned.error <= limit:
         return None
