@@ -149,14 +149,18 @@ class KalmanGrnn(_Learning):
             errors.append(drive.sideslip - entry.sideslip)
         examples = training_set(problem.training, window, errors)
         learned = KernelRegression(examples, **others)
-        if _noise_ratio(problem) <= _NOISIER:
-            curved = _correct_by_curve(problem, examples, filtered, _BETTER * learned.error)
-            if curved is not None:
-                return curved
         result = learned(window.features(problem.recording), lambda: request.control.stopped)
         if result is None:
             return _uncorrected(here)
         error, deviation, near = result
+        if _noise_ratio(problem) <= _NOISIER:
+            curved = _correct_by_curve(problem, examples, filtered, _BETTER * learned.error)
+            if curved is not None:
+                angle = here.sideslip + near * (curved.sideslip - here.sideslip)
+                # Kernel and curve estimate the same error. They differ at inputs that the training drives lack.
+                apart = 0.5 * np.abs(here.sideslip + near * error - angle)
+                apart += (1.0 - near) * learned.spread
+                return curved._replace(sideslip=angle, deviation=np.hypot(curved.deviation, apart))
         claims = zip(problem.training, there, strict=True)
         usual = np.median(
             np.concatenate([entry.deviation[drive.moving] for drive, entry in claims])
@@ -173,10 +177,7 @@ class KalmanGrnn(_Learning):
 
 
 def _noise_ratio(problem: SideslipEstimation) -> float:
-    """Return the largest ratio of the noise of a sensor to that on the training drives.
-
-    The median absolute third difference is a measure of noise that a smooth signal does not affect.
-    """
+    """Return the largest ratio of a sensor's noise to that in training, by median absolute third differences."""
 
     def noise(drive: Recording) -> list[float]:
         sensors = drive.yaw_rate, drive.lateral_acceleration

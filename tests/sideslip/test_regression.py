@@ -11,7 +11,7 @@ from crosstrack.instances.sideslip.generator import generate
 from crosstrack.models import SideslipEstimation
 from crosstrack.models.sideslip import Recording
 from crosstrack.solvers import Control, Limit, Request, Termination, find_backend
-from crosstrack.solvers.sideslip import learning, regression
+from crosstrack.solvers.sideslip import learning
 from crosstrack.solvers.sideslip.gates import apply_gates
 from crosstrack.solvers.sideslip.learning import (
     KernelRegression,
@@ -498,7 +498,6 @@ def test_a_run_stopped_before_it_has_learned_returns_the_filtered_angles(monkeyp
         control.stop(Limit.TIME)
 
     monkeypatch.setattr(KernelRegression, "__call__", stop)
-    monkeypatch.setattr(regression, "_BETTER", 0.0)  # the tyre curve needs no kernel
     model = problem(drive(0), [drive(1), drive(2)])
     answer = estimate("kalman-grnn", model, control)
     filtered = estimate("kalman-filter", model, Control())
