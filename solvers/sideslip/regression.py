@@ -212,8 +212,6 @@ def _correct_by_curve(
     speeds = np.concatenate([drive.speed[drive.moving] for drive in drives[1:]])
     size = relative_size(learned.left_out, speeds)
     deviation *= size(drives[0].speed) * learned.recalibrated(size(speeds))
-    # Errors within a drive are correlated: predictive variance for a mean over few drives.
-    deviation *= math.sqrt(1.0 + 1.0 / len(np.unique(examples.drives)))
     said = {**describe_learning(learned), "tyre curve": 1.0}
     angle = filtered[0].sideslip + error
     return Estimate(angle, deviation, said, "", learned.spread, history=True)
