@@ -15,7 +15,7 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.instances.sideslip import generate
 from crosstrack.models import SideslipEstimation
-from crosstrack.models.sideslip import Recording, SideslipEstimate
+from crosstrack.models.sideslip import Recording, SideslipEstimate, Vehicle
 from crosstrack.models.sideslip.checks import linear_contradiction
 from crosstrack.models.sideslip.dynamics import measured
 from crosstrack.solvers import Request, find_backend
@@ -254,18 +254,13 @@ def test_held_out_spins_are_followed_within_the_claim():
 def test_a_spin_of_a_vehicle_with_four_wheels_is_followed():
     tracks = pytest.importorskip("sideslip.two_track", reason="the simulator is not here")
     drive, car = tracks.drive("spin"), tracks.CAR
-    stiffness = (2 * value for value in car.stiffness)
+    sizes = car.mass, car.inertia, car.front, car.rear, *(2 * part for part in car.stiffness)
     for tyre in ("linear", "saturating"):
-        vehicle = dataclasses.replace(
-            VEHICLE, tyre=tyre, friction=0.95, mass=car.mass, yaw_inertia=car.inertia,
-            front=car.front, rear=car.rear,
-            **dict(zip(("cornering_front", "cornering_rear"), stiffness, strict=False)),
-        )  # fmt: skip
+        vehicle = Vehicle(*sizes, friction=0.95, tyre=tyre)
         model = SideslipEstimation(vehicle, Recording(**drive.recording()), truth=drive.truth)
         answer = run(model)
         assert model.verify(answer.point).objective < 3 and model.coverage(answer.point) >= 0.9
         assert answer.point.grip_lost
-        stiffness = (2 * value for value in car.stiffness)
 
 
 # -- grip lost -------------------------------------------------------------------------------------
