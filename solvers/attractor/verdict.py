@@ -34,6 +34,8 @@ Floats = NDArray[np.float64]
 
 #: Deviations by which an exponent must exceed 0, and smallest separation of neighbours over the series, in nats.
 SURE, NATS = 2.0, 15.0
+#: Deviations of the rank below which a better linear prediction means linear noise.
+CLEAR = 7.0
 #: Orders of autoregressive models, samples per coefficient, and largest number of samples for both predictions.
 ORDERS, PER_COEFFICIENT, SAMPLES = (2, 5, 10, 20, 40), 20, 10_000
 #: Samples per mean period of the 0-1 test, its smallest and largest number of samples, and number of frequencies.
@@ -133,12 +135,14 @@ def judge(
     `duration` is that of the series in seconds.
     """
     judgement, reason = Judgement.NONLINEAR, evidence.refutes
+    # Surrogates of a sharp resonance are slightly less predictable than the noise itself.
+    linear = evidence.nonlinear > evidence.linear and ranking.sigmas < CLEAR
     if ranking.jump > 1.0:
         judgement = Judgement.NOISE
         reason = "the series drifts: its surrogates have a jump that it has not, and prove nothing"
     elif evidence.stays:
         judgement, reason = Judgement.REGULAR, ""
-    elif not ranking.rejected or evidence.nonlinear > evidence.linear:
+    elif not ranking.rejected or linear:
         judgement, reason = Judgement.NOISE, "linear noise explains the series as well"
     elif reason:
         pass

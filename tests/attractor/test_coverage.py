@@ -142,7 +142,7 @@ def test_a_small_exponent_of_a_short_series_is_not_called_chaotic():
         ({"far": 2.0}, Judgement.NONLINEAR, "have not parted"),
         ({"zero_one": 0.1}, Judgement.NONLINEAR, "0-1 test gives 0.1"),
         ({"nonlinear": 0.45}, Judgement.NONLINEAR, "hardly better than a linear"),
-        ({"nonlinear": 0.55}, Judgement.NOISE, "linear noise explains"),
+        ({"nonlinear": 0.55}, Judgement.NONLINEAR, "hardly better than a linear"),
     ],
 )
 def test_evidence_decides(change, judgement, said):
@@ -151,6 +151,9 @@ def test_evidence_decides(change, judgement, said):
     slope = Slope(Method.ROSENSTEIN, 0.01, 0.001, 0.0, 5.0)
     test, why = judge(clear, evidence, slope, 10_000)
     assert test.judgement is judgement and said in why
+    close = replace(clear, sigmas=5.0)
+    weak = replace(evidence, linear=0.5, nonlinear=0.55, far=0.0)
+    assert judge(close, weak, slope, 10_000)[0].judgement is Judgement.NOISE
     drifts, why = judge(replace(clear, jump=2.0), evidence, slope, 10_000)
     assert drifts.judgement is Judgement.NOISE and "drifts" in why
 

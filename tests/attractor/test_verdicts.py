@@ -1,0 +1,215 @@
+"""Verdicts: noise, regular and chaotic motion of known kinds, their evidence, and series of every scale."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from attractor.known import analysed, arma, flow, henon, logistic, lorenz
+from attractor.test_coverage import gopy, ikeda
+
+from crosstrack.errors import InvalidData
+from crosstrack.models import AttractorAnalysis
+from crosstrack.models.attractor import Judgement
+from crosstrack.models.attractor.evidence import (
+    linear_error as plain_linear_error,
+    zero_one as plain_zero_one,
+)
+from crosstrack.solvers.attractor.native import embed
+from crosstrack.solvers.attractor.prediction import choose_embeddings
+from crosstrack.solvers.attractor.surrogates import normal_scores, surrogates_of
+from crosstrack.solvers.attractor.verdict import linear_error, zero_one
+
+
+def sine(n, speed=0.3):
+    return np.sin(speed * np.arange(n) + 0.2)
+
+
+def torus(n):
+    return sine(n) + 0.6 * sine(n, 0.3 * (math.sqrt(5) - 1) / 2)
+
+
+@cache
+def van_der_pol(n):
+    return flow(lambda _, u: (u[1], 2 * (1 - u[0] ** 2) * u[1] - u[0]), n, 0.1, (1.0, 1.0))
+
+
+@cache
+def chen(n):
+    return flow(
+        lambda _, u: (35 * (u[1] - u[0]), -7 * u[0] - u[0] * u[2] + 28 * u[1], u[0] * u[1] - 3 * u[2]),
+        n, 0.02, (-3.0, 2.0, 20.0),
+    )  # fmt: skip
+
+
+@cache
+def duffing(n):
+    """A driven Duffing oscillator with two wells."""
+    return flow(
+        lambda t, u: (u[1], u[0] - u[0] ** 3 - 0.25 * u[1] + 0.4 * math.sin(t)), n, 0.3, (0.2, 0.0)
+    )
+
+
+@cache
+def double_pendulum(n):
+    """Rate of the upper angle of two equal pendulums of 1 m, released at 2.0 and 2.5; the exponent is about 1.4."""
+
+    def rates(_, u):
+        p, q, a, b = u
+        c, s = math.cos(a - b), math.sin(a - b)
+        one = -s * q * q - 19.62 * math.sin(a)
+        two = s * p * p - 9.81 * math.sin(b)
+        return (one - c * two) / (2 - c * c), (2 * two - c * one) / (2 - c * c), p, q
+
+    return flow(rates, n, 0.05, (0.0, 0.0, 2.0, 2.5))
+
+
+def pink(n, seed=0):
+    size = np.maximum(np.fft.rfftfreq(n), 1 / n) ** -0.5
+    phases = np.random.default_rng(seed).random(len(size))
+    return np.fft.irfft(size * np.exp(2j * np.pi * phases), n)
+
+
+def judgement(series, name="surrogates", **options):
+    model, answer = analysed(name, series, **options)
+    assert model.verify(answer.point).ok
+    return answer.point.surrogates.judgement, answer
+
+
+REGULAR = {
+    "sine": sine(1000),
+    "slow sine": sine(1000, 0.03),
+    "fast sine": sine(1000, 1.9),
+    "torus": torus(1000),
+    "van der pol": van_der_pol(1000),
+    "period 3": np.tile([0.16, 0.5, 0.96], 100),
+    "noisy sine": sine(1000) + 0.03 * arma(1000, ()),
+}
+CHAOTIC = {
+    "logistic": logistic(1000),
+    "henon": henon(1000),
+    "ikeda": ikeda(1000),
+    "lorenz": lorenz(1000, 0.05),
+    "chen": chen(3000),
+    "double pendulum": double_pendulum(6000),
+    "noisy henon": henon(1000) + 0.035 * arma(1000, ()),
+}
+NOISE = {
+    "white": arma(500, (), seed=1),
+    "resonant": arma(500, (1.7, -0.9), seed=2),
+    "coloured": arma(500, (0.9,), seed=3),
+    "1/f": pink(500),
+    "exponential of coloured": np.exp(arma(500, (0.8,), seed=4) / 2),
+    "cube of resonant": arma(500, (1.5, -0.8), seed=5) ** 3,
+    "phases of henon": surrogates_of(henon(500), 1, np.random.default_rng(1))[0],
+}
+CASES = [
+    *((name, series, Judgement.REGULAR) for name, series in REGULAR.items()),
+    *((name, series, Judgement.CHAOTIC) for name, series in CHAOTIC.items()),
+    *((name, series, Judgement.NOISE) for name, series in NOISE.items()),
+]
+
+
+@pytest.mark.parametrize(("name", "series", "wanted"), CASES, ids=[case[0] for case in CASES])
+def test_known_motions_are_judged(name, series, wanted):
+    assert judgement(series)[0] is wanted
+
+
+@pytest.mark.parametrize("n", [500, 1500])
+def test_a_strange_motion_without_chaos_is_undecided(n):
+    found, answer = judgement(gopy(n, phase=0.3))
+    assert found is Judgement.NONLINEAR and "but" in answer.message
+
+
+@pytest.mark.parametrize(
+    ("series", "wanted"),
+    [
+        (sine(300), Judgement.REGULAR),
+        (henon(300), Judgement.CHAOTIC),
+        (arma(300, (0.5,)), Judgement.NOISE),
+    ],
+)
+def test_scale_shift_and_seed_keep_the_verdict(series, wanted):
+    for other in (series, 1e-100 * series, 1e100 * series, -3e6 * series + 1e7):
+        first, answer = judgement(other)
+        assert first is wanted
+    assert judgement(other)[1].point.data() == answer.point.data()
+
+
+def test_full_analysis_gives_the_same_verdict():
+    for series in (torus(300), henon(300), arma(300, (0.5,))):
+        assert judgement(series, "full-analysis")[0] is judgement(series)[0]
+
+
+def test_wild_series_end_in_a_result_or_an_error():
+    spike = arma(200, ())
+    spike[100] = 1e100
+    jumps = np.repeat([0.0, 5.0, -3.0, 8.0], 50) + arma(200, ())
+    for series in (spike, jumps, henon(50), np.r_[np.zeros(100), henon(100)]):
+        assert judgement(series)[0] in Judgement
+    for series in (np.full(100, 3.0), np.r_[henon(99), math.nan], henon(49)):
+        with pytest.raises(InvalidData, match="series"):
+            AttractorAnalysis(series)
+
+
+@pytest.mark.parametrize(
+    ("series", "step"), [(henon(700), 1), (torus(1000), 3), (arma(2500, (0.9,)), 2)]
+)
+def test_evidence_is_that_of_plain_loops(series, step):
+    x = (series - series.mean()) / series.std()
+    assert zero_one(x, step) == pytest.approx(plain_zero_one(x, step), abs=1e-9)
+    assert linear_error(x, 2) == pytest.approx(plain_linear_error(x, 2), abs=1e-9)
+
+
+def test_the_0_1_test_separates_periodic_from_irregular_series():
+    assert abs(zero_one(sine(1500), 1)) < 0.05
+    assert zero_one(logistic(1500), 1) > 0.95 and zero_one(arma(1500, ()), 1) > 0.95
+
+
+@pytest.mark.parametrize(
+    "change", [{"zero_one": 0.5}, {"near": 1.0}, {"far": 1.5}, {"linear": 0.5}, {"nonlinear": 0.3}]
+)
+def test_a_forged_evidence_is_not_verified(change):
+    model, answer = analysed("surrogates", henon(400))
+    plan = answer.point
+    forged = replace(plan.surrogates, evidence=replace(plan.surrogates.evidence, **change))
+    result = model.verify(replace(plan, surrogates=forged))
+    assert [check.name for check in result.checks if not check.ok][:1] != [] and not result.ok
+
+
+@pytest.mark.parametrize(
+    ("series", "word"),
+    [(henon(400), "regular"), (sine(400), "chaotic"), (arma(400, ()), "chaotic")],
+)
+def test_a_false_verdict_is_not_verified(series, word):
+    model, answer = analysed("surrogates", series)
+    plan = answer.point
+    assert not model.verify(
+        replace(plan, surrogates=replace(plan.surrogates, judgement=Judgement(word), exceeded=0))
+    ).ok
+
+
+def test_the_automatic_delay_is_bounded_by_the_mean_period():
+    """The mutual information of Duffing's oscillator has its first minimum far beyond a quarter of a turn."""
+    model = AttractorAnalysis(duffing(3000), period=0.3)
+    assert embed(model, {}).delay <= 11
+    embeddings, ahead = choose_embeddings(model, {})
+    assert 5 <= len(embeddings) <= 8 and ahead == embed(model, {}).delay
+    assert choose_embeddings(model, {"delay": 4, "dimension": 4})[0] == [
+        embed(model, {"delay": 4, "dimension": 4})
+    ]
+
+
+def test_the_exponent_agrees_with_the_median_of_several_embeddings():
+    _, answer = analysed("rosenstein", lorenz(3000, 0.05))
+    figures, slope = answer.statistics, answer.point.exponent
+    least, largest = figures["least in other embeddings"], figures["largest in other embeddings"]
+    assert figures["other embeddings"] >= 3
+    assert least - slope.deviation <= slope.value <= largest + slope.deviation
+    assert slope.value == pytest.approx(0.9056 * 0.05, abs=2 * slope.deviation)
+
+
+def test_ranks_of_transformed_noise_are_those_of_the_noise():
+    noise = arma(400, (0.8,), seed=7)
+    np.testing.assert_allclose(normal_scores(np.exp(noise)), normal_scores(noise), atol=1e-12)
