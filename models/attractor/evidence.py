@@ -126,4 +126,5 @@ def embedded(x: Floats, plan: AttractorEstimate) -> Floats:
 
 def logs(apart: Floats, least: float) -> Floats:
     """Return the logarithms of the largest differences of a coordinate."""
-    return np.log(np.maximum(np.abs(apart).max(axis=1), least))
+    result: Floats = np.log(np.maximum(np.abs(apart).max(axis=1), least))
+    return result

@@ -152,9 +152,9 @@ class Evidence(Declared):
 
     @property
     def refutes(self) -> str:
-        """Reason against chaos; empty if there is none."""
+        """Reason against chaos, or an empty text."""
         if self.nonlinear > DETERMINED * self.linear:
-            return "the nearest states predict hardly better than a linear model"
+            return "the nearest states do not predict clearly better than a linear model"
         if self.far >= TOGETHER:
             return "neighbours have not parted within a third of the series"
         if self.zero_one < IRREGULAR:

@@ -226,7 +226,7 @@ def fit_exponent(search: Search, period: float) -> Fit:
 
 
 def agreed(searches: list[Search]) -> Search:
-    """Return the search whose slope agrees with the median of all slopes; the first one if there are none.
+    """Return the search whose slope agrees with the median of all slopes; or the first one without slopes.
 
     It is the first one within a robust deviation or 5 % of the median.
     """

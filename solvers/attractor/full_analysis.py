@@ -34,7 +34,7 @@ _DELAYS = _by_name(
     MutualInformation, Autocorrelation, CorrelationIntegral, ImprovedCorrelationIntegral
 )
 _DIMENSIONS = _by_name(Cao, FalseNeighbours, CorrelationIntegral, ImprovedCorrelationIntegral)
-_EXPONENTS = _by_name(Rosenstein, Kantz)
+_EXPONENTS: dict[str, type[Rosenstein]] = {one.name: one for one in (Rosenstein, Kantz)}
 
 
 class FullAnalysis(AttractorBackend):

@@ -1,4 +1,4 @@
-"""Predictions by neighbouring states: their error, and the embeddings in which it is smallest."""
+"""Predictions by neighbouring states: their error, and the embeddings with the smallest one."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ __all__ = ["Surrogates", "gather", "judge", "linear_error", "zero_one"]
 
 Floats = NDArray[np.float64]
 
-#: Deviations by which an exponent must exceed 0, and smallest separation of neighbours over the series, in nats.
+#: Deviations of an exponent above 0 for chaos, and smallest separation of neighbours over the series, in nats.
 SURE, NATS = 2.0, 15.0
 #: Deviations of the rank below which a better linear prediction means linear noise.
 CLEAR = 7.0

@@ -141,8 +141,8 @@ def test_a_small_exponent_of_a_short_series_is_not_called_chaotic():
         ({"linear": 0.001}, Judgement.REGULAR, ""),
         ({"far": 2.0}, Judgement.NONLINEAR, "have not parted"),
         ({"zero_one": 0.1}, Judgement.NONLINEAR, "0-1 test gives 0.1"),
-        ({"nonlinear": 0.45}, Judgement.NONLINEAR, "hardly better than a linear"),
-        ({"nonlinear": 0.55}, Judgement.NONLINEAR, "hardly better than a linear"),
+        ({"nonlinear": 0.45}, Judgement.NONLINEAR, "clearly better than a linear"),
+        ({"nonlinear": 0.55}, Judgement.NONLINEAR, "clearly better than a linear"),
     ],
 )
 def test_evidence_decides(change, judgement, said):

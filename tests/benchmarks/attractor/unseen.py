@@ -2,7 +2,7 @@
 
 The list was fixed before the first measurement. Exponents are computed from two orbits 1e-8 apart (Benettin), and
 observed coordinates are the first ones. Sources of the equations: J. C. Sprott, Chaos and Time-Series Analysis, 2003,
-appendix A, except where a line names another one.
+appendix A; lines name other sources.
 """
 
 from __future__ import annotations
