@@ -132,7 +132,7 @@ def judge_all() -> None:
 
     def enter(kind: str, series: np.ndarray, period: float = 1.0) -> None:
         judgement = estimate("surrogates", series, period).surrogates.judgement
-        row = rows.setdefault(kind, [0, 0, 0, 0])
+        row = rows.setdefault(kind, [0] * (1 + len(Judgement)))
         row[0] += 1
         row[1 + list(Judgement).index(judgement)] += 1
         print(kind, len(series), judgement, flush=True)
