@@ -121,16 +121,17 @@ class OnlineFilter:
             return np.array(self._filter.root[1] @ self._filter.root[1].T)
         return np.array(self._filter.covariance[1])
 
-    def update(self, sample: Sequence[float]) -> OnlineEstimate:
+    def update(self, sample: Sequence[float] | dict[str, float]) -> OnlineEstimate:
         """Return the estimate after a further sample.
 
         Parameters
         ----------
-        sample : sequence of float
+        sample : sequence of float, or dict
             Time (s), speed (m/s), steering angle (rad), yaw rate (rad/s) and lateral acceleration (m/s²), as
             in a :class:`~crosstrack.models.sideslip.Recording`. NaN marks a missing value: the filter
             uses the other measurement or only predicts, and keeps the last speed and steering angle.
-            After more than 2 s without a sample it starts again.
+            After more than 2 s without a sample it starts again. The keys of a dict are ``time``,
+            ``speed``, ``steering``, ``yaw_rate`` and ``lateral_acceleration``, and missing values may be omitted.
 
         Returns
         -------
@@ -169,8 +170,10 @@ class OnlineFilter:
         data = time, speed, steering, yaw_rate, acceleration
         return OnlineEstimate(*step(first, *data, self._most, self._filter, self._track))
 
-    def _checked(self, sample: Sequence[float]) -> tuple[float, float, float, float, float]:
+    def _checked(self, sample: Any) -> tuple[float, float, float, float, float]:
         """Return the values of a sample, or raise if one is out of range."""
+        if type(sample) is dict and sample.keys() <= {"time", *_NAMES}:
+            sample = [sample.get(name, math.nan) for name in ("time", *_NAMES)]
         try:
             time, u, d, w, a = map(float, sample)
         except (TypeError, ValueError):

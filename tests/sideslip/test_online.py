@@ -128,6 +128,17 @@ def test_a_missing_input_keeps_its_last_value():
     )
 
 
+def test_a_sample_may_be_a_dict():
+    keys = ("time", *COLUMNS[1:])
+    rows = samples(MODELS[2])[:30]
+    named = [dict(zip(keys, row, strict=True)) for row in rows]
+    del named[20]["yaw_rate"]
+    rows[20][3] = math.nan
+    np.testing.assert_array_equal(
+        followed(ct.prepare(MODELS[2]), named), followed(ct.prepare(MODELS[2]), rows)
+    )
+
+
 def test_at_rest_the_angle_is_unknown_and_a_long_gap_starts_again():
     model = simulated(2, n=200)
     rows = samples(model)
@@ -191,6 +202,8 @@ def test_a_pickled_estimator_goes_on():
     [
         ((0, 20, 0, 0), "sample must be time, speed, .*, got"),
         ("abcde", "sample must be time"),
+        ({"time": 0, "speeds": 3}, "sample must be time, .*, got"),
+        ({"speed": 3}, "time must be finite, got nan"),
         (7, "sample must be time"),
         ((math.nan, 20, 0, 0, 0), "time must be finite, got nan"),
         ((math.inf, 20, 0, 0, 0), "time must be finite, got inf"),
