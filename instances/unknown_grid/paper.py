@@ -130,7 +130,8 @@ PAPER = Paper(
                   "solvers.unknown_grid.macn:build_network",
                   "The paper does not say whether each task has its own network. Ours serves all three: smaller maps lie "
                   "in the middle of 17 × 17 cells, with obstacles around them."),
-        printed("Figure 6, MCGN-II", "ConvNet, VIN and attention on O_p, without the computer", f"{_MCGN}:Second",
+        printed("Figure 6, MCGN-II", "ConvNet, VIN and attention on O_p, without the computer",
+                "solvers.unknown_grid.value_iteration:build_network",
                 "Attention takes the four action values at the vehicle's cell, as VIN does. Before, it was the same "
                 "network as MCGN-I on the masked map."),
         printed("Section IV.A.3, parallel use", "MCGN-I until the target is in the view, then MCGN-II",
