@@ -33,8 +33,8 @@ FIELDS = (
 )  # fmt: skip
 #: Constant errors of inputs and sensors that can be estimated, with their units: rad, rad/s and m/s².
 BIASES = {
-    "steering_bias": 0.01, "sideslip_bias": 0.01, "yaw_rate_bias": 0.01,
-    "lateral_acceleration_bias": 0.1,
+    "steering_bias": 0.05, "sideslip_bias": 0.05, "yaw_rate_bias": 0.05,
+    "lateral_acceleration_bias": 0.5,
 }  # fmt: skip
 #: Deviation of the logarithm of a parameter, or of a bias in its unit, before the drives.
 PRIOR = 10.0
@@ -59,7 +59,8 @@ class Identification(Estimate):
     vehicle : Vehicle
         The vehicle with the estimates.
     undetermined : tuple of str
-        Parameters whose relative deviation exceeds 0.5. Their values depend on the vehicle before the
+        Parameters with a relative deviation above 0.5, and biases with one above 0.025 rad, 0.025 rad/s or
+        0.25 m/s². Their values depend on the vehicle before the
         identification; `correlations` names the parameters that can replace them.
     noise : ndarray, shape (3,)
         Deviations of the noise of angle (rad), yaw rate (rad/s) and lateral acceleration (m/s²) that
