@@ -243,10 +243,9 @@ def test_the_spin_of_the_page_is_followed_where_the_filter_on_the_vehicle_is_los
 
 
 def test_held_out_spins_are_followed_within_the_claim():
-    plans = [run(entry.model).point for entry in held_out()]
-    models = [entry.model for entry in held_out()]
-    errors = [model.verify(plan).objective for model, plan in zip(models, plans, strict=True)]
-    shares = [model.coverage(plan) for model, plan in zip(models, plans, strict=True)]
+    plans = [(entry.model, run(entry.model).point) for entry in held_out()]
+    errors = [model.verify(plan).objective for model, plan in plans]
+    shares = [model.coverage(plan) for model, plan in plans]
     assert max(errors) < 3 and np.mean(errors) < 1
     assert np.mean(shares) >= 0.95 and min(shares) >= 0.9
 
