@@ -84,13 +84,12 @@ def filter_drive(problem: SideslipEstimation, control: Control | None = None) ->
     deviation = problem.initial_deviation
     initial = np.concatenate([problem.initial, deviation**2])
     lost = filter_path(
-        *(drive.times, drive.speed, drive.steering),
-        *(measurements(drive), drive.moving),
-        *(parameters(problem.vehicle), noise_variances(problem)),
-        *(np.insert(initial, 3, 0.0), initial, largest_variance(problem)),
-        *(predicted, before, filtered, after, innovations, between, *model),
+        drive.times, drive.speed, drive.steering, measurements(drive), drive.moving,
+        parameters(problem.vehicle), noise_variances(problem),
+        np.insert(initial, 3, 0.0), initial, largest_variance(problem),
+        predicted, before, filtered, after, innovations, between, *model,
         np.zeros(1, np.int8) if control is None else control.flag,
-    )
+    )  # fmt: skip
     if lost < 0:
         return None
     return FilterPass(predicted, before, filtered, after, innovations, between, model, lost)

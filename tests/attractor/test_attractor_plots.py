@@ -202,7 +202,10 @@ def test_one_curve_alone():
     ("test", "told"),
     [
         (SurrogateTest("chaotic", 39, 0), "part exponentially: chaotic (p = 0.025: none of 39"),
-        (SurrogateTest("nonlinear", 99, 4), "neither regular nor chaotic motion is shown (p = 0.05: 4 of 99"),
+        (
+            SurrogateTest("nonlinear", 99, 4),
+            "neither regular nor chaotic motion is shown (p = 0.05: 4 of 99",
+        ),
         (
             SurrogateTest("noise", 19, 7),
             "may explain the series as well (p = 0.4: 7 of 19",
