@@ -10,8 +10,11 @@ if TYPE_CHECKING:
     from .attractor import (
         AttractorAnalysis as AttractorAnalysis,
         AttractorEstimate as AttractorEstimate,
+        Evidence as Evidence,
         Judgement as Judgement,
+        Measures as Measures,
         Slope as Slope,
+        Spectrum as Spectrum,
         SurrogateTest as SurrogateTest,
     )
     from .black_box import (
@@ -154,7 +157,9 @@ if TYPE_CHECKING:
         identify as identify,
     )
     from .unknown_grid import (
+        Aspect as Aspect,
         Camera as Camera,
+        Corners as Corners,
         Hover as Hover,
         NavigationRuns as NavigationRuns,
         Outcome as Outcome,

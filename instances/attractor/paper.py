@@ -110,7 +110,7 @@ PAPER = Paper(
         printed("eq. 11", "window = (m - 1) delay", "solvers.attractor.delays:CorrelationIntegral.find", "m is rounded."),
         different(
             "steps 1-2 of the exponent", "delay and mean period by FFT, m >= 2 d + 1",
-            "solvers.attractor.paper_methods:SmallDataSets.embedding",
+            "solvers.attractor.paper_methods:SmallDataSets.embeddings",
             "The paper does not state how the FFT gives the delay: taken is the lag at which the autocorrelation is 1 - 1/e "
             "(Rosenstein 1993), and the smallest m. The paper's own m = 10 breaks its rule, which requires 12 for d = 5.5.",
         ),

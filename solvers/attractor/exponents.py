@@ -303,9 +303,13 @@ class Rosenstein(AttractorBackend):
         ),
     }
 
+    #: Whether wider limits of a region apply: only for series that are not linear noise.
+    wide = False
+
     def __init__(self, wide: bool = False) -> None:
-        #: Whether wider limits of a region apply: only for series that are not linear noise.
-        self.wide = wide
+        # An instance with attributes of its own would not share the process with hidden data.
+        if wide:
+            self.wide = wide
 
     def embeddings(self, problem: AttractorAnalysis, request: Request) -> list[Embedding]:
         """Return the embeddings whose slopes are compared."""
