@@ -98,7 +98,8 @@ class World:
         self.positions: Ints = np.empty((count, 2), np.int64)
         self.taken: Ints = np.empty(count, np.int64)
         self.collisions: Ints = np.empty(count, np.int64)
-        self._centres: Ints = np.empty((count, 2), np.int64)
+        #: Cells below the UAV.
+        self._centres = self.positions if problem.uav is Hover.FOLLOW else self.positions.copy()
         self._hovers = np.empty(count, bool)
         #: Actions per scene; only the first `taken` columns are used.
         self._actions = np.empty((count, 64), np.int8)
@@ -133,11 +134,12 @@ class World:
         InvalidData
             The shape, a scene or an action is invalid, or the run of the scene has ended.
         """
-        rows = self._read(questions)
-        scenes = rows[:, 0]
-        if len(rows) > 1 and (scenes[1:] <= scenes[:-1]).any():
+        scenes, actions = self._read(questions).T
+        if len(scenes) > 1 and (scenes[1:] <= scenes[:-1]).any():
             return np.concatenate([self(row[None]) for row in questions])
-        self._act(rows[rows[:, 1] != LOOK])
+        acts = actions != LOOK
+        if acts.any():
+            self._act(scenes[acts], actions[acts])
         return self._answer(scenes)
 
     def state(self, scene: int) -> int:
@@ -173,11 +175,8 @@ class World:
             raise InvalidData(f"{what}, got {value}", field="actions")
         return questions.astype(np.int64)
 
-    def _act(self, rows: Ints) -> None:
-        """Execute actions in different scenes; `rows` are scenes and actions, shape (n, 2)."""
-        if not len(rows):
-            return
-        scenes, actions = rows.T
+    def _act(self, scenes: Ints, actions: Ints) -> None:
+        """Execute one action in each of several different scenes."""
         ended = self.states[scenes] != GOING
         if ended.any():
             raise InvalidData(f"the run of scene {scenes[ended][0]} has ended", field="actions")
@@ -185,28 +184,29 @@ class World:
         if taken.max() == self._actions.shape[1]:
             self._actions = np.tile(self._actions, 2)
         self._actions[scenes, taken] = actions
-        self.taken[scenes] = taken + 1
-        cells = self.positions[scenes] + _MOVES[actions]
-        hits = self._blocks(scenes, cells)
+        self.taken[scenes] = taken = taken + 1
+        here = self.positions[scenes]
+        cells = here + _MOVES[actions]
+        values = self._values(scenes, cells)
+        hits = values == BLOCKED
         if self._aspects:
             self._meet(scenes, cells, hits)
         self.collisions[scenes] += hits
-        moved, cells = scenes[~hits], cells[~hits]
-        self.positions[moved] = cells
-        self._move_uav(scenes if self._aspects else moved)
-        self.states[scenes[taken + 1 >= self.problem.steps]] = OUT_OF_STEPS
-        self.states[moved[(cells == self.problem.targets[moved]).all(axis=1)]] = REACHED
+        self.positions[scenes] = np.where(hits[:, None], here, cells)
+        self._move_uav(scenes)
+        self.states[scenes[taken >= self.problem.steps]] = OUT_OF_STEPS
+        self.states[scenes[(values == TARGET) & ~hits]] = REACHED
 
-    def _blocks(self, scenes: Ints, cells: Ints) -> NDArray[np.bool_]:
-        """Return whether cells, possibly one outside the map, are blocked on the true maps."""
-        return np.asarray(self._cells[scenes, cells[:, 0] + 1, cells[:, 1] + 1] == BLOCKED)
+    def _values(self, scenes: Ints, cells: Ints) -> NDArray[np.int8]:
+        """Return the true values of cells, possibly one outside the map."""
+        return np.asarray(self._cells[scenes, cells[:, 0] + 1, cells[:, 1] + 1])
 
     def _meet(self, scenes: Ints, cells: Ints, hits: NDArray[np.bool_]) -> None:
         """Mark steps that violate the rule of corners or meet moving obstacles, before the steps are executed."""
         here = self.positions[scenes]
         across = np.column_stack([here[:, 0], cells[:, 1]])
-        sides = self._blocks(scenes, across) + 0
-        sides += self._blocks(scenes, np.column_stack([cells[:, 0], here[:, 1]]))
+        down = np.column_stack([cells[:, 0], here[:, 1]])
+        sides = sum((self._values(scenes, beside) == BLOCKED) + 0 for beside in (across, down))
         hits |= (here != cells).all(axis=1) & (sides > self._sides)
         times = self.taken[scenes]
         before, after = self._tracks[scenes, :, times - 1], self._tracks[scenes, :, times]
@@ -214,14 +214,14 @@ class World:
 
     def _move_uav(self, scenes: Ints) -> None:
         """Move the UAV above the vehicle, unless it hovers under the rule ``PAPER``."""
+        if self.problem.uav is Hover.FOLLOW:
+            return  # the centres are the positions
         scenes = scenes[~self._hovers[scenes]]
-        self._centres[scenes] = self.positions[scenes]
-        if self.problem.uav is Hover.PAPER:
-            if self._aspects:
-                views = self.cells(scenes, self._centres[scenes])
-                self._hovers[scenes] = (views == TARGET).any(axis=(1, 2))
-                return
-            away = np.abs(self.problem.targets[scenes] - self.positions[scenes])
+        self._centres[scenes] = positions = self.positions[scenes]
+        if self._aspects:
+            self._hovers[scenes] = (self.cells(scenes, positions) == TARGET).any(axis=(1, 2))
+        else:
+            away = np.abs(self.problem.targets[scenes] - positions)
             self._hovers[scenes] = (away <= self._half).all(axis=1)
 
     def _answer(self, scenes: Ints) -> Floats:
@@ -247,7 +247,7 @@ class World:
     def cells(self, scenes: Ints, centres: Ints) -> NDArray[np.int8]:
         """Return the cells of the views around `centres`, shape (n, 2), one view per scene."""
         rows, columns = (
-            (centres[:, axis, None] + self._offsets[axis]).clip(0, self._last[axis])
+            np.minimum(np.maximum(centres[:, axis, None] + self._offsets[axis], 0), self._last[axis])
             for axis in (0, 1)
         )
         views = self._cells[scenes[:, None, None], rows[:, :, None], columns[:, None, :]]
