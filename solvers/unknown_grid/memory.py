@@ -79,8 +79,9 @@ class Memory:
         self._shape, self._view = tuple(shape.tolist()), tuple(view.tolist())
         count, (rows, columns) = len(targets), self._shape
         down, across = self._half.tolist()
-        # A margin of half a view keeps every window inside the array.
-        self._cells = np.full((count, rows + 2 * down, columns + 2 * across), UNKNOWN, np.int8)
+        # Cells seen so far, and those of the current views. A margin of half a view keeps every window inside.
+        self._cells = np.full((2, count, rows + 2 * down, columns + 2 * across), UNKNOWN, np.int8)
+        self._windows = sliding_window_view(self._cells, self._view, axis=(2, 3), writeable=True)
         self._inner = (slice(None), slice(down, down + rows), slice(across, across + columns))
         self._hits = np.zeros((count, rows, columns), bool)
         self._seen = np.zeros(count, bool)
@@ -89,7 +90,7 @@ class Memory:
 
     def restart(self, rows: Ints) -> None:
         """Forget everything about the scenes `rows`."""
-        self._cells[rows], self._hits[rows], self._seen[rows] = UNKNOWN, False, False
+        self._cells[0, rows], self._hits[rows], self._seen[rows] = UNKNOWN, False, False
         self._places[rows] = self._actions[rows] = -1
 
     def look(self, rows: Ints, positions: Ints, corners: Ints, view: Any) -> Observation:
@@ -99,15 +100,11 @@ class Memory:
         0 for free cells, 1 for obstacles and cells outside the map, and 2 for the target.
         """
         places, targets = np.asarray(positions), self.targets[rows]
-        indices = np.arange(len(rows))
         view = np.where(np.asarray(view) == BLOCKED, BLOCKED, FREE).astype(np.int8)
         self._note_hits(rows, places)
-        first = tuple((corners + self._half).T)
-        now = np.full((len(rows), *self._cells.shape[1:]), UNKNOWN, np.int8)
-        for cells, which in ((self._cells, rows), (now, indices)):
-            windows = sliding_window_view(cells, self._view, axis=(1, 2), writeable=True)
-            windows[which, *first] = view
-        current = now[self._inner]
+        self._cells[1, rows] = UNKNOWN
+        self._windows[:, rows, *(corners + self._half).T] = view
+        current = self._cells[1, rows][self._inner]
         away = targets - corners
         seen = ((away >= 0) & (away < self._view)).all(axis=1)
         current[seen, targets[seen, 0], targets[seen, 1]] = TARGET
@@ -120,7 +117,7 @@ class Memory:
 
     def known(self, rows: Ints) -> Cells:
         """Return the cells seen so far in the scenes `rows`, shape (n, rows, columns), see :class:`Observation`."""
-        known = self._cells[rows][self._inner]
+        known = self._cells[0, rows][self._inner]
         known[self._hits[rows]] = BLOCKED
         for cells, value in ((self._places, FREE), (self.targets, TARGET)):
             known[np.arange(len(rows)), *cells[rows].T] = value
