@@ -9,12 +9,13 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...jit import clock
+from ...jit import OutOfTime, clock
 from ...models.unknown_grid.model import UnknownGridNavigation
 from ...models.unknown_grid.plan import LETTERS, NavigationRuns, Outcome
 from ...models.unknown_grid.scenes import Aspect, aspects_of
 from ...models.unknown_grid.world import BLOCKED, FREE, GOING, LOOK, REACHED, TARGET, Looks
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
+from ..contract.enums import Limit
 from ..contract.option import Option
 
 __all__ = ["GIVE_UP", "MOST_TOGETHER", "NO_WAY", "PERCEPTION", "NavigationBackend", "Policy"]
@@ -90,11 +91,15 @@ class NavigationBackend(Backend):
         begin = clock()
         run = _Run(problem, request)
         together = min(self.together, max(_MOST_CELLS // int(problem.shape.prod()), 1))
-        for first in range(0, problem.scenes, together):
-            scenes = np.arange(first, min(first + together, problem.scenes))
-            run.lead(self.policy(problem, scenes, request), scenes)
-            if request.control.stopped:
-                break
+        limit = None
+        try:
+            for first in range(0, problem.scenes, together):
+                scenes = np.arange(first, min(first + together, problem.scenes))
+                run.lead(self.policy(problem, scenes, request), scenes)
+                if request.control.stopped:
+                    break
+        except OutOfTime:  # during a decision: all earlier actions were executed
+            limit = Limit.TIME
         plan = NavigationRuns(tuple(map("".join, run.actions)), tuple(run.outcomes))
         seconds = {"solve": clock() - begin}
         lost = problem.scenes - run.outcomes.count(Outcome.REACHED)
@@ -109,7 +114,7 @@ class NavigationBackend(Backend):
             statistics["ms an image"] = 1e3 * run.perceiving / max(run.images, 1)
         return Answer(
             Termination.FEASIBLE,
-            request.control.limit,
+            request.control.limit or limit,
             plan,
             None,
             seconds=seconds,

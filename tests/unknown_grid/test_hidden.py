@@ -16,6 +16,7 @@ from unknown_grid.walks import Told
 import crosstrack as ct
 from crosstrack.errors import HiddenData, InvalidData, UnsupportedOption
 from crosstrack.instances.unknown_grid import draw_scenes, maze
+from crosstrack.jit import OutOfTime
 from crosstrack.models import UnknownGridNavigation
 from crosstrack.models.unknown_grid import NavigationRuns, World
 from crosstrack.solvers import Answer, Termination, find_backend, register_backend
@@ -23,7 +24,7 @@ from crosstrack.solvers.contract import registry
 from crosstrack.solvers.contract.registry import shares_process
 from crosstrack.solvers.processes import pool
 from crosstrack.solvers.unknown_grid.native import NavigationBackend
-from crosstrack.solvers.unknown_grid.replanning import DStarLite
+from crosstrack.solvers.unknown_grid.replanning import DStarLite, Replanning
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
@@ -157,6 +158,13 @@ def test_a_plan_in_this_process_must_match_the_executed_actions(monkeypatch):
     assert "actions of scene 0 are not those that the run took" in found.message
 
 
+@pytest.fixture
+def compiled():
+    """Compile the kernels before times are measured."""
+    ct.solve(UnknownGridNavigation.drawn(["S.T"], view=(3, 3)), "a-star-replanning")
+
+
+@pytest.mark.usefixtures("compiled")
 def test_limits_of_a_run_in_this_process():
     model = maze(401, 401, 3, view=(3, 3), steps=10**6)
     found = ct.solve(model, "a-star-replanning", time_limit=0.5)
@@ -170,6 +178,23 @@ def test_limits_of_a_run_in_this_process():
         ct.solve(small, "d-star-lite", memory_limit=2000, isolate=False)
 
 
+def test_a_run_out_of_time_keeps_its_executed_actions(monkeypatch):
+    """An interpreted or uncompiled kernel ends with an exception."""
+    model = UnknownGridNavigation.drawn(["S...T", "....."], view=(3, 3))
+    decide = Replanning.decide
+
+    def late(self, looks):
+        if looks.positions[0, 1] == 2:
+            raise OutOfTime
+        return decide(self, looks)
+
+    monkeypatch.setattr(Replanning, "decide", late)
+    found = ct.solve(model, "a-star-replanning")
+    assert found.limit == "time" and found.verification.ok
+    assert found.plan.actions == ("RR",) and found.plan.outcomes == ("gave up",)
+
+
+@pytest.mark.usefixtures("compiled")
 def test_ctrl_c_stops_a_run_in_this_process():
     model = maze(401, 401, 3, view=(3, 3), steps=10**6)
     timer = threading.Timer(1.0, signal.raise_signal, [signal.SIGINT])
