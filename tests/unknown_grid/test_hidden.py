@@ -111,6 +111,31 @@ def altered():
     return backend
 
 
+class Hiding(dict):
+    """Attributes of an instance that do not show."""
+
+    def keys(self):
+        return {}.keys()
+
+
+def disguised():
+    """Return an altered instance whose attributes do not show."""
+    backend = DStarLite()
+    backend.__dict__ = Hiding(run=Spy().run)
+    return backend
+
+
+def named():
+    """Return an instance with an object of a user's class in place of its problem."""
+    backend = DStarLite()
+    backend.problem = type("Problem", (str,), {})("unknown-grid")
+    return backend
+
+
+def test_an_instance_with_objects_of_a_user_does_not_share_the_process():
+    assert not shares_process(disguised()) and not shares_process(named())
+
+
 @pytest.mark.parametrize("backend", [Sly(), Claiming(), altered()])
 def test_foreign_code_does_not_share_the_process(model, backend):
     assert not shares_process(backend)
