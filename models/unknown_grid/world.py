@@ -247,7 +247,9 @@ class World:
     def cells(self, scenes: Ints, centres: Ints) -> NDArray[np.int8]:
         """Return the cells of the views around `centres`, shape (n, 2), one view per scene."""
         rows, columns = (
-            np.minimum(np.maximum(centres[:, axis, None] + self._offsets[axis], 0), self._last[axis])
+            np.minimum(
+                np.maximum(centres[:, axis, None] + self._offsets[axis], 0), self._last[axis]
+            )
             for axis in (0, 1)
         )
         views = self._cells[scenes[:, None, None], rows[:, :, None], columns[:, None, :]]

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 from ...models.unknown_grid.model import UnknownGridNavigation
+from ...models.unknown_grid.moving import FAR, descend, spread
 from ...models.unknown_grid.world import BLOCKED, Looks
 from ..contract.backend import Request
 from ..contract.option import Option
-from .dstar_kernels import FAR, STUCK, descend, search
 from .native import GIVE_UP, MOST_TOGETHER, NavigationBackend, Policy
 
 __all__ = ["BaselineOne", "BaselineOneReachable", "BaselineTwo", "BaselineTwoReachable"]
@@ -48,7 +48,7 @@ class _Nearest:
         reachable: bool,
         literal: bool,
     ) -> None:
-        self._first, self._flag = int(scenes[0]), request.control.flag
+        self._first = int(scenes[0])
         self._targets = problem.targets[scenes]
         self._rules = (patient, reachable, literal)
         #: Latest chosen cells, sequences of actions, and their numbers of executed and of all actions.
@@ -61,7 +61,7 @@ class _Nearest:
         actions = np.empty(len(looks.scenes), np.int64)
         approach(
             looks.scenes - self._first, looks.positions, looks.corners, looks.view == BLOCKED,
-            self._targets, *self._rules, self._chosen, self._sequences, self._done, actions, self._flag,
+            self._targets, *self._rules, self._chosen, self._sequences, self._done, actions,
         )  # fmt: skip
         return actions
 
@@ -70,7 +70,7 @@ class _Nearest:
 def approach(
     rows: Ints, positions: Ints, corners: Ints, obstacles: Truths, targets: Ints,
     patient: bool, reachable: bool, literal: bool,
-    chosen: Ints, sequences: Bytes, done: Ints, actions: Ints, flag: NDArray[np.int8],
+    chosen: Ints, sequences: Bytes, done: Ints, actions: Ints,
 ) -> None:  # fmt: skip
     """Compute the `actions` of several scenes; `rows` are their indices in the arrays of :class:`_Nearest`."""
     for index in range(len(rows)):
@@ -81,7 +81,7 @@ def approach(
             done[row, 0] = 0
             done[row, 1] = choose(
                 obstacles[index], corners[index], targets[row], reachable, literal, chosen[row],
-                sequences[row], flag,
+                sequences[row],
             )  # fmt: skip
         if done[row, 0] == done[row, 1]:
             actions[index] = GIVE_UP
@@ -93,7 +93,7 @@ def approach(
 @kernel
 def choose(
     obstacles: Truths, corner: Ints, target: Ints, reachable: bool, literal: bool, cell: Ints,
-    sequence: Bytes, flag: NDArray[np.int8],
+    sequence: Bytes,
 ) -> int:  # fmt: skip
     """Replace `cell`, where the path begins, by the chosen cell; return the length of the `sequence` to it.
 
@@ -111,9 +111,10 @@ def choose(
     for i in range(rows):
         for j in range(columns):
             walls[(i + 1) * width + j + 1] = 1 if obstacles[i, j] else 0
-    at = (row + 1) * width + column + 1
-    # No path leads to the first cell, which is in the frame: the search visits all reachable cells.
-    steps = search(walls, width, 0, at, True, flag) if reachable else np.zeros(walls.size, np.int32)
+    at, moves = (row + 1) * width + column + 1, np.array((-width, width, -1, 1))
+    steps = np.zeros(walls.size, np.int64)
+    if reachable:
+        steps = spread(walls, width, moves, 0, np.array([at]))
     goal, least = at, -1
     for i in range(rows):
         for j in range(columns):
@@ -122,15 +123,15 @@ def choose(
             if walls[near] == 0 and steps[near] < FAR and (least < 0 or away < least):
                 goal, least = near, away
     cell[0], cell[1] = goal // width - 1 + corner[0], goal % width - 1 + corner[1]
-    steps = search(walls, width, at, goal, True, flag)
+    steps = spread(walls, width, moves, 0, np.array([goal]))
     count = 0
     while at != goal:
-        action = descend(walls, width, steps, at)
-        if action == STUCK:
+        action = descend(walls, width, moves, 0, steps, at)
+        if action < 0:
             break
         sequence[count] = action
         count += 1
-        at += (-width, width, -1, 1)[action]
+        at += moves[action]
     return count
 
 

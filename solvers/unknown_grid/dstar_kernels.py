@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from ...models.unknown_grid.moving import is_open
+from ...models.unknown_grid.moving import FAR, descend, is_open
 
-__all__ = ["FAR", "STUCK", "descend", "plan", "repair", "replan", "search"]
+__all__ = ["plan", "repair", "replan", "search"]
 
 Ints = NDArray[np.int64]
 Steps = NDArray[np.int32]
@@ -23,9 +23,7 @@ Bytes = NDArray[np.uint8]
 Flag = NDArray[np.int8]
 Truths = NDArray[np.bool_]
 
-#: Number of steps of a cell without a known path.
-FAR = 2**30
-#: Action returned if no path exists.
+#: Action of :func:`descend` if no path exists.
 STUCK = -1
 #: Indices in the tally: number of queued cells, sum of the vehicle's moves (k_m), cell at the last search.
 _COUNT, _MOVED, _LAST = 0, 1, 2
@@ -42,29 +40,14 @@ def apart(width: int, one: int, other: int, diagonal: bool = False) -> int:
 
 
 @kernel(interpretable=True)
-def descend(walls: Bytes, width: int, steps: Steps, cell: int) -> int:
-    """Return the action 0 … 3 to the neighbour with the fewest steps to the target, or :data:`STUCK`.
-
-    Ties go to up, down, left, right. `walls` is 1 for blocked cells, whose `steps` are ignored, and
-    `width` is the number of cells per row, including the frame.
-    """
-    best, action = FAR, STUCK
-    for index, move in enumerate((-width, width, -1, 1)):
-        if walls[cell + move] == 0 and steps[cell + move] < best:
-            best, action = steps[cell + move], index
-    return action
-
-
-@kernel(interpretable=True)
-def search(walls: Bytes, width: int, start: int, target: int, every: bool, flag: Flag) -> Steps:
-    """Return the steps to the target from all cells on shortest paths from the start, by A*.
+def search(walls: Bytes, width: int, start: int, target: int, flag: Flag) -> Steps:
+    """Return the steps to the target from the cells on shortest paths that :func:`descend` needs at the start, by A*.
 
     A step towards the start keeps the sum of steps and lower bound, and any other step raises it by 2.
     Two stacks (last in, first out) therefore suffice as a priority queue.
 
-    If `every`, all shortest paths are computed, otherwise only those that :func:`descend` needs at the
-    start. A nonzero `flag` stops the search. The result is exact on shortest paths from the start, an
-    upper bound elsewhere, and :data:`FAR` for unvisited cells.
+    A nonzero `flag` stops the search. The result is exact on these paths, an upper bound elsewhere, and
+    ``FAR`` for unvisited cells.
     """
     steps = np.full(walls.size, FAR, np.int32)
     now, later = np.empty(walls.size, np.int64), np.empty(walls.size, np.int64)
@@ -92,7 +75,7 @@ def search(walls: Bytes, width: int, start: int, target: int, every: bool, flag:
                 else:
                     later[deferred] = to
                     deferred += 1
-            if not every and steps[start] <= order:
+            if steps[start] <= order:
                 if first < 0:
                     for move in (1, -1, width, -width):
                         to = start + move
@@ -215,7 +198,7 @@ def repair(
 
     `walls` is the current map, and `start` the cell of the vehicle. `changed` are the cells blocked or
     freed since the previous call; the first call also includes the target. `g` and `rhs` are the steps
-    to the target and their one-step lookahead values, initially :data:`FAR`. `heap` is the binary heap
+    to the target and their one-step lookahead values, initially ``FAR``. `heap` is the binary heap
     of the inconsistent cells, whose g and rhs differ, `where` the index of each cell in it plus 1,
     initially 0, and `keys` their keys. `tally` is the state between calls, initially ``(0, 0, start)``.
     `moves` are the changes of the cell number by 4 or 8 actions, see :func:`~.moving.spread`.
@@ -331,21 +314,22 @@ def plan(
     `rows` are the indices of the scenes in `ends`, `walls`, `sure` and `expected`. `cells`, `corners` and
     `obstacles` are their observations. If `doubts`, obstacles from images are discarded if they leave no path.
     """
+    moves = np.array((-width, width, -1, 1))
     for index in range(len(rows)):
         row, cell = rows[index], cells[index]
         known, certain, target = walls[row], sure[row], ends[row, 1]
         notice(
             known, certain, width, expected[row], cell, corners[index], obstacles[index], changed
         )
-        steps = search(known, width, cell, target, False, flag)
-        action = descend(known, width, steps, cell)
+        steps = search(known, width, cell, target, flag)
+        action = descend(known, width, moves, 0, steps, cell)
         if action == STUCK and doubts:
             doubt(known, certain, changed)
-            steps = search(known, width, cell, target, False, flag)
-            action = descend(known, width, steps, cell)
+            steps = search(known, width, cell, target, flag)
+            action = descend(known, width, moves, 0, steps, cell)
         actions[index] = action
         if action != STUCK:
-            expected[row] = cell + (-width, width, -1, 1)[action]
+            expected[row] = cell + moves[action]
 
 
 @kernel
@@ -371,9 +355,9 @@ def replan(
                 count = doubt(known, certain, changed)
             repair(known, width, cell, target, changed[:count], g[row], rhs[row], heap[row],
                    where[row], keys[row], tally[row], flag, moves, 0)  # fmt: skip
-            action = descend(known, width, g[row], cell)
+            action = descend(known, width, moves, 0, g[row], cell)
             if action != STUCK or not doubts:
                 break
         actions[index] = action
         if action != STUCK:
-            expected[row] = cell + (-width, width, -1, 1)[action]
+            expected[row] = cell + moves[action]

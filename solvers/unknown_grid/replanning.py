@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.unknown_grid.model import UnknownGridNavigation
+from ...models.unknown_grid.moving import FAR
 from ...models.unknown_grid.scenes import Aspect, aspects_of
 from ...models.unknown_grid.world import BLOCKED, Looks
 from ..contract.backend import Request
 from ..contract.option import Option
-from .dstar_kernels import FAR, plan, replan
+from .dstar_kernels import plan, replan
 from .native import GIVE_UP, MOST_TOGETHER, NavigationBackend, Policy
 from .searching import RepairingSearch, Searching, SearchingEach
 

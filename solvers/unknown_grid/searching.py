@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from ...models.grid_path import Connectivity
 from ...models.unknown_grid.model import UnknownGridNavigation
-from ...models.unknown_grid.moving import descend, spread
+from ...models.unknown_grid.moving import FAR, descend, spread
 from ...models.unknown_grid.plan import MOVES, WAIT
 from ...models.unknown_grid.scenes import Corners
 from ...models.unknown_grid.world import BLOCKED, TARGET, UNKNOWN, Looks
 from ..contract.backend import Request
-from .dstar_kernels import FAR, repair
+from .dstar_kernels import repair
 from .native import GIVE_UP, NO_WAY
 
 __all__ = ["RepairingSearch", "Searching", "SearchingEach"]
