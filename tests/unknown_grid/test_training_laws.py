@@ -78,6 +78,9 @@ def test_other_sizes_are_outside_and_unknown_laws_are_not_judged():
     narrow = dataclasses.replace(model, view=(5, 9))
     outside, reason = outside_law(narrow, "paper", open_map)
     assert outside.all() and reason == "view 5 × 9, trained with 9 × 9 or 11 × 11"
+    dense = [np.ones((2, 17, 17), np.int8)]  # the rate of mazes applies, not that of open maps
+    less_open = "maps less open than those of the training"
+    assert outside_law(narrow, "paper", dense)[1] == f"{less_open}; {reason}"
     small = draw_scenes("paper", shape=(15, 17), scenes=2, view=(9, 9))
     assert outside_law(small, "paper", open_map)[1].startswith("shape 15 × 17")
     assert outside_law(model, "", open_map) == (None, "")
@@ -101,7 +104,7 @@ def test_a_statement_has_the_measured_rates_of_shipped_weights_only():
         for key in ("maps", "view", "shape"):
             place, share = shares[key]
             longer = statement(2, 9, "paper", f"{key} of another kind", kind)
-            end = f"; measured success: {place} {share:.0f} %, inside the law {shares['inside']:.0f} %"
+            end = f"; measured success: {share:.0f} % in {place}, {shares['inside']:.0f} % inside the law"
             assert longer.endswith(end)
 
 
@@ -134,7 +137,7 @@ def test_results_report_scenes_outside_the_law(name, tmp_path):
     answer = run(backend, model)
     assert answer.statistics["scenes outside the law"] == 3
     assert "3 of 4 scenes lie outside the law this network was trained on" in answer.message
-    assert "; measured success: mazes" in answer.message
+    assert "; measured success: " in answer.message and " % in mazes, " in answer.message
     answer = run(backend, inside)
     assert answer.statistics["scenes outside the law"] == 0 and "law" not in answer.message
     narrow = run(backend, drawn(["S..", "..T"], view=(3, 3)))
