@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import UnsupportedFormulation
 from ...models.unknown_grid.model import UnknownGridNavigation
 from ...models.unknown_grid.world import Looks
 from ..contract.backend import Answer, Request
@@ -86,7 +85,7 @@ class _Learned(NavigationBackend):
     def refuses(self, problem: UnknownGridNavigation) -> str:
         rows, columns = problem.shape.tolist()
         if rows * columns > LARGEST:
-            return f"maps must have at most {LARGEST} cells, got {rows} × {columns}"
+            return f"maps of {rows} × {columns} cells, only of at most {LARGEST} cells"
         return super().refuses(problem)
 
     def policy(
@@ -103,8 +102,7 @@ class _Learned(NavigationBackend):
         """Run the policy, and count decisions with non-finite logits and scenes outside the law of the training."""
         import torch
 
-        if reason := self.refuses(problem):
-            raise UnsupportedFormulation(f"backend {self.name!r}: {reason}")
+        self.require_support(problem)
         running = copy.copy(self)  # concurrent runs must not share policies
         running._policies = []
         with one_thread(), torch.inference_mode():
@@ -150,7 +148,7 @@ class Macn(_Learned):
         """Return the reason to refuse maps that are larger than the canvas, or ``""``."""
         side, (rows, columns) = macn.ARCHITECTURE["side"], problem.shape.tolist()
         if max(rows, columns) > side:
-            return f"maps must have at most {side} × {side} cells, got {rows} × {columns}"
+            return f"maps of {rows} × {columns} cells, only of at most {side} × {side} cells"
         return super().refuses(problem)
 
     def network(self, options: Mapping[str, Any]) -> torch.nn.Module:

@@ -197,7 +197,7 @@ def test_maps_that_are_too_large_are_refused(name):
     model = UnknownGridNavigation(
         np.zeros((1, *shape), bool), np.array([[0, 0]]), np.array([[9, 9]]), np.array(shape)
     )
-    assert "at most 65536 cells, got 300 × 300" in cls().refuses(model)
+    assert "maps of 300 × 300 cells, only of at most 65536 cells" in cls().refuses(model)
     if not cls().missing():
         with pytest.raises(UnsupportedFormulation, match="65536"):
             run(cls(), model)
