@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from ...errors import BackendMissing
+
 __all__ = ["ID", "register"]
 
 #: Name of the environments in Gymnasium's registry.
@@ -12,8 +14,17 @@ def register() -> None:
     """Register ``crosstrack/UnknownGrid-v0`` for ``gymnasium.make`` and ``gymnasium.make_vec``.
 
     Gymnasium calls this function itself if crosstrack is installed as a distribution.
+
+    Raises
+    ------
+    BackendMissing
+        Gymnasium is not installed: ``pip install 'crosstrack[learn]'``.
     """
-    from gymnasium import envs
+    try:
+        from gymnasium import envs
+    except ImportError as error:
+        text = f"{ID} needs gymnasium: pip install 'crosstrack[learn]'"
+        raise BackendMissing(text) from error
 
     home = __name__.rpartition(".")[0]
     if ID not in envs.registry:

@@ -15,6 +15,7 @@ from crosstrack.errors import BackendMissing, InvalidData
 from crosstrack.models import UnknownGridNavigation
 from crosstrack.models.unknown_grid import NavigationRuns, World
 from crosstrack.solvers.unknown_grid.gymnasium import UnknownGridEnv
+from crosstrack.solvers.unknown_grid.registration import register
 
 ROOM = ["S..@.", ".@.@.", ".@..T"]
 
@@ -249,6 +250,8 @@ def test_without_gymnasium_the_error_names_the_package(monkeypatch):
     model = UnknownGridNavigation.drawn(ROOM, view=(3, 3))
     with pytest.raises(BackendMissing, match=r"needs gymnasium: pip install 'crosstrack\[learn\]'"):
         Own(model)
+    with pytest.raises(BackendMissing, match="crosstrack/UnknownGrid-v0 needs gymnasium"):
+        register()
 
 
 def test_a_class_of_ones_own_is_an_environment(room, gym):
