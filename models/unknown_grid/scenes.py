@@ -123,14 +123,18 @@ def check_aspects(model: Scenes) -> None:
         raise InvalidData(text, field=field.partition("[")[0])
 
     if model.connectivity is Connectivity.ANY:
-        fail("connectivity", "be 4 or 8", model.connectivity)
+        fail("connectivity", "be 4 or 8", model.connectivity.value)
     if model.corners is not Corners.FREE and model.connectivity is Connectivity.FOUR:
-        fail("corners", "be free with connectivity 4, which has no diagonal steps", model.corners)
+        fail(
+            "corners",
+            "be free with connectivity 4, which has no diagonal steps",
+            model.corners.value,
+        )
     for name in ("false_obstacles", "missed_obstacles"):
         if getattr(model, name) >= 1:
             fail(name, "be a probability below 1", getattr(model, name))
     if model.camera is not None and (names := aspects_of(model)):
-        fail("camera", f"be None with {' and '.join(sorted(names))}", model.camera.rendering)
+        fail("camera", f"be None with {' and '.join(sorted(names))}", model.camera.rendering.value)
     if model.occlusion and model.view.max() > MOST_SIGHT:
         fail("view", f"be at most {MOST_SIGHT} cells with occlusion", model.view.tolist())
     if model.tracks is not None:
