@@ -20,6 +20,7 @@ __all__ = ["FAR", "descend", "fewest_run", "is_open", "meets", "obstacle_tracks"
 Bytes = NDArray[np.uint8]
 Cells = NDArray[np.int8]
 Ints = NDArray[np.int64]
+Steps = NDArray[np.int32] | NDArray[np.int64]
 Truths = NDArray[np.bool_]
 
 #: Number of steps of a cell that was not reached.
@@ -104,7 +105,7 @@ def spread(walls: Bytes, width: int, moves: Ints, sides: int, goals: Ints) -> In
 
 
 @kernel(interpretable=True)
-def descend(walls: Bytes, width: int, moves: Ints, sides: int, steps: Ints, cell: int) -> int:
+def descend(walls: Bytes, width: int, moves: Ints, sides: int, steps: Steps, cell: int) -> int:
     """Return the action to the neighbour with the fewest steps, the first of several, or -1."""
     best, chosen = FAR, -1
     for action in range(len(moves)):

@@ -117,7 +117,7 @@ class Memory:
 
     def known(self, rows: Ints) -> Cells:
         """Return the cells seen so far in the scenes `rows`, shape (n, rows, columns), see :class:`Observation`."""
-        known = self._cells[0, rows][self._inner]
+        known: Cells = self._cells[0, rows][self._inner]
         known[self._hits[rows]] = BLOCKED
         for cells, value in ((self._places, FREE), (self.targets, TARGET)):
             known[np.arange(len(rows)), *cells[rows].T] = value
