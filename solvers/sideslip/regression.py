@@ -14,7 +14,7 @@ from ...models.sideslip.data import LEAST, Recording
 from ...models.sideslip.model import SideslipEstimation
 from ..contract.backend import Request
 from ..contract.option import Option
-from .gates import find_contradictions
+from .gates import find_contradictions, time_ranges
 from .kalman import KalmanFilter
 from .learning import (
     KernelRegression,
@@ -35,6 +35,8 @@ Floats = NDArray[np.float64]
 _BETTER = 0.9
 #: Ratio of the noise of the drive to that of the training drives up to which a tyre curve learned from them is used.
 _NOISIER = 2.0
+#: Factor on a deviation above which a message names the reason.
+_NOTED = 1.2
 _WINDOW = {
     "lags": Option(
         5, "Measurements of each sensor that an angle is estimated from; 5 in the paper.", int,
@@ -121,6 +123,8 @@ class KalmanGrnn(_Learning):
     is that of the GRNN. It is scaled up if the filter's deviation exceeds its median on the training drives.
     If least squares on the features of a tyre curve, see :func:`~crosstrack.solvers.sideslip.learning.curve_features`, has a
     smaller error on drives left out, it corrects the filter instead. Real tyres and noisy sensors need it.
+    The deviation is then calibrated on drives left out, and wider near samples where kinematics contradicts the angle more
+    than on the training drives.
     A run that is stopped before the training ends returns the estimate of the filter; a run that is stopped
     before the filter ends returns that of `linear-regression`.
     """
@@ -160,7 +164,8 @@ class KalmanGrnn(_Learning):
                 # Kernel and curve estimate the same error. They differ at inputs that the training drives lack.
                 apart = 0.5 * np.abs(here.sideslip + near * error - angle)
                 apart += (1.0 - near) * learned.spread
-                return curved._replace(sideslip=angle, deviation=np.hypot(curved.deviation, apart))
+                deviation, message = widen_near(problem, angle, np.hypot(curved.deviation, apart))
+                return curved._replace(sideslip=angle, deviation=deviation, message=message)
         claims = zip(problem.training, there, strict=True)
         usual = np.median(
             np.concatenate([entry.deviation[drive.moving] for drive, entry in claims])
@@ -215,6 +220,39 @@ def _correct_by_curve(
     said = {**describe_learning(learned), "tyre curve": 1.0}
     angle = filtered[0].sideslip + error
     return Estimate(angle, deviation, said, "", learned.spread, history=True)
+
+
+def widen_near(problem: SideslipEstimation, angle: Floats, deviation: Floats) -> tuple[Floats, str]:
+    """Return a wider deviation (rad) near samples where kinematics contradicts the angle (rad), and the reason.
+
+    It is that of :func:`widen_by_kinematics`, with the differences of the seconds that contain a sample: a situation that the
+    training drives lack, such as a bias, a load or ice, may last for a part of the drive.
+    """
+
+    def error(drive: Recording, angle: Floats) -> Floats:
+        bounded = np.clip(angle, -math.pi / 2, math.pi / 2)
+        apart, first, last = kinematic_differences(drive, bounded)
+
+        def around(values: Floats) -> Floats:
+            ends = len(drive) + 1
+            steps = np.bincount(first, values, ends) - np.bincount(last + 1, values, ends)
+            return np.cumsum(steps)[:-1]
+
+        known = np.where(np.isfinite(apart), np.abs(apart), 0.0)
+        mean: Floats = around(known) / np.maximum(around(np.ones(len(first))), 1.0)
+        return mean
+
+    drives = [(entry, entry.sideslip) for entry in problem.training]
+    usual = max(error(entry, true).max() for entry, true in drives if true is not None)
+    beyond = np.sqrt(math.pi * np.maximum(error(problem.recording, angle) ** 2 - usual**2, 0.0)) / 2
+    wider = np.hypot(deviation, beyond)
+    widened = wider > _NOTED * deviation
+    if not widened.any():
+        return wider, ""
+    return wider, (
+        f"the angle's changes over a second differ at {time_ranges(problem.recording, widened)} more from those that yaw rate and "
+        f"acceleration give than the {math.degrees(usual):.2g}° on training drives: deviations are wider there"
+    )
 
 
 class LinearRegression(_Learning):

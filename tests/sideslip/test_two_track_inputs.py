@@ -126,6 +126,20 @@ def test_all_wheel_sensors_must_be_known_for_their_use():
     assert not np.array_equal(answer(full).point.sideslip, answer(plain).point.sideslip)
 
 
+@pytest.mark.parametrize("name", ["ice", "braking-in-a-turn", "mass", "bias", "serpentine"])
+def test_claims_hold_in_situations_that_differ_from_the_training_drives(name):
+    training = [recording(entry, known=True, seed=101) for entry in ("lane-change", *TRAINING)]
+    problem = replace(model(name), training=training)
+    result = answer(problem)
+    assert result.statistics["tyre curve"] == 1
+    assert problem.coverage(result.point) >= 0.9
+    usual = np.degrees(np.median(result.point.deviation))
+    if name == "serpentine":  # like the training drives: nothing is wider
+        assert usual < 0.06
+    else:
+        assert "changes over a second differ" in result.message
+
+
 def test_size_of_errors_falls_with_the_speed():
     speed = np.linspace(5.0, 50.0, 200)
     size = relative_size(0.01 + 0.2 / speed, speed)
