@@ -35,8 +35,7 @@ DRIFT = {
     "mass factor": (1.0, 0.15, 1000.0),
     "balance": (0.0, 0.1, 1000.0),
 }
-#: Factor on the noises of the model: the states do not represent every error of a vehicle. With 1 two deviations cover 85 % of
-#: the samples of the scenarios of ``two_track.py``, with 2 they cover 92 %, at errors that are smaller by a fifth.
+#: Factor on the noises of the model: the states do not represent every error of a vehicle.
 _NOISES = 2.0
 #: Ratio of the angle's deviation to that of an unknown angle at which the filter restarts.
 _LOST = 1e4

@@ -193,7 +193,7 @@ def unscented_path(
 
 @kernel(interpretable=True)
 def is_sliding(x: Floats, u: float, delta: float, p: Floats, loads: Floats) -> bool:
-    """Return True if an axle slides: more slip adds less than 5 % of the force that it adds at small slip."""
+    """Return True if an axle slides: more slip adds less than 5 % of the force that it adds at small slip and static loads."""
     own = np.empty(len(p))
     adapt(p, loads, x, own)
     _, _, front, rear = axle_forces(x[0], x[1], u, delta, own)

@@ -370,7 +370,7 @@ def wild():
 
 
 @pytest.mark.parametrize("name", wild())
-@pytest.mark.parametrize("tyre", ["linear", "saturating"])
+@pytest.mark.parametrize("tyre", ["linear", "saturating", "magic-formula"])
 def test_wild_drives_have_a_finite_estimate_and_a_valid_covariance(name, tyre):
     model = SideslipEstimation(dataclasses.replace(VEHICLE, tyre=tyre), wild()[name])
     plan = run(model).point
