@@ -112,7 +112,9 @@ def test_magic_formula_is_better_than_linear_and_brush_on_its_tyres():
     assert error("banked-road", BRUSH) > error("banked-road", LINEAR)
 
 
-@pytest.mark.parametrize("backend", ["kalman-filter", "rts-smoother", "moving-horizon", "unscented-filter"])
+@pytest.mark.parametrize(
+    "backend", ["kalman-filter", "rts-smoother", "moving-horizon", "unscented-filter"]
+)
 def test_backends_accept_the_law(backend):
     name = "lane-change"
     found = drive(name)

@@ -92,9 +92,11 @@ def swapped(road: str, seed: int) -> SideslipEstimation:
     return SideslipEstimation(training=there.training, **fields)
 
 
-def store(table: str, head: str, columns: dict[str, str], rows: Any, said: str) -> None:
+def store(
+    table: str, head: str, columns: dict[str, str], rows: Any, said: str, script: str = __file__
+) -> None:
     """Write a table whose first column is a text."""
-    write("sideslip", table, __file__, {head: "", **columns}, rows, ("numpy", "scipy"), said)
+    write("sideslip", table, script, {head: "", **columns}, rows, ("numpy", "scipy"), said)
     print(*map(list, rows), sep="\n", flush=True)
 
 

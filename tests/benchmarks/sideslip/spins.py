@@ -59,7 +59,7 @@ def spun() -> None:
         "Mean error of a drive in degrees, mean and largest value over the drives; share of samples within two claimed "
         "deviations, mean and lowest value. True friction 0.2 to 0.6, 10 to 30 m/s, 20 to 200 Hz, angles above 10°."
     )
-    store("unscented", "spins", columns, rows, said)
+    store("unscented", "spins", columns, rows, said, __file__)
     columns = {"sliding samples missed": ".2%", "samples marked far from the peak": ".2%"}
     columns |= {"slides": "d", "missed": "d", "events": "d", "false": "d", "median delay, s": ".3f"}
     said = (
@@ -67,7 +67,7 @@ def spun() -> None:
         "A slide is missed if no event overlaps it, an event is false if it is far from the peak throughout. The delay "
         "is that of the first event after the tyre has reached 75 % of the slip."
     )
-    store("grip", "spins", columns, events, said)
+    store("grip", "spins", columns, events, said, __file__)
 
 
 def _summary(found: Any) -> list[float]:
@@ -161,7 +161,7 @@ def rule() -> None:
         "auto without training": "",
     }
     said = f"Medians of {FEW} seeds, 2 for the spin; errors are mean errors in degrees. A slash separates choices that differ between seeds."
-    store("rule", "drive", {**columns, **dict.fromkeys(names, ".3f")}, rows, said)
+    store("rule", "drive", {**columns, **dict.fromkeys(names, ".3f")}, rows, said, __file__)
 
 
 def _untrained(model: SideslipEstimation) -> SideslipEstimation:
