@@ -175,8 +175,8 @@ class OnlineFilter:
         if type(sample) is dict and sample.keys() <= {"time", *_NAMES}:
             sample = [sample.get(name, math.nan) for name in ("time", *_NAMES)]
         try:
-            time, u, d, w, a = map(float, sample)
-        except (TypeError, ValueError):
+            time, u, d, w, a = map(float, () if isinstance(sample, str | set) else sample)
+        except (TypeError, ValueError, OverflowError):
             raise InvalidData(
                 f"sample must be time, {', '.join(_NAMES)}, got {show(sample)}", field="sample"
             ) from None

@@ -81,8 +81,9 @@ def test_the_gate_forgets_old_samples():
     assert len(pickle.dumps(estimator)) < 2e6
 
 
-def test_an_update_takes_less_than_20_microseconds():
-    estimator = ct.prepare(MODELS[2])
+@pytest.mark.parametrize("backend", ["kalman-filter", "unscented-filter"])
+def test_an_update_takes_less_than_20_microseconds(backend):
+    estimator = ct.prepare(MODELS[2], backend)
     rows = np.array(samples(MODELS[2]))
     seconds = []
     for k in range(10):
@@ -205,6 +206,9 @@ def test_a_pickled_estimator_goes_on():
         ({"time": 0, "speeds": 3}, "sample must be time, .*, got"),
         ({"speed": 3}, "time must be finite, got nan"),
         (7, "sample must be time"),
+        ("12345", "sample must be time, .*, got '12345'"),
+        ({0.0, 20.0, 0.1, 0.2, 0.3}, "sample must be time"),
+        ((0, 10**400, 0, 0, 0), "sample must be time"),
         ((math.nan, 20, 0, 0, 0), "time must be finite, got nan"),
         ((math.inf, 20, 0, 0, 0), "time must be finite, got inf"),
         ((0, -1, 0, 0, 0), "speed must be 0 … 1000, got -1"),
