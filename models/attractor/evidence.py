@@ -14,8 +14,10 @@ __all__ = ["evidence_gap"]
 
 Floats = NDArray[np.float64]
 
-#: Samples and frequencies of the 0-1 test, orders of linear models, samples per coefficient and of predictions.
-MOST, FREQUENCIES, ORDERS, PER_COEFFICIENT, LEADING = 1500, 48, (2, 5, 10, 20, 40), 20, 10_000
+#: Smallest and largest number of samples, and frequencies of the 0-1 test.
+FEWEST, MOST, FREQUENCIES = 100, 1500, 48
+#: Orders of linear models, samples per coefficient and of predictions.
+ORDERS, PER_COEFFICIENT, LEADING = (2, 5, 10, 20, 40), 20, 10_000
 #: States of a prediction, pairs and times of mean logarithms, and smallest relative distance.
 NEAREST, PAIRS, TIMES, NOTHING = 5, 20_000, 50, 1e-9
 #: Allowance for means over samples of states: nats, relative error of a prediction, and standard errors.
@@ -23,24 +25,33 @@ NATS, SHARE, ERRORS = 0.15, 1e-6, 5.0
 
 
 def evidence_gap(series: Floats, plan: AttractorEstimate, found: Evidence, seed: int) -> float:
-    """Return the largest difference of a figure from the recomputed one beyond its allowance, 0 if all agree."""
-    x = (series - series.min()) / np.ptp(series)
-    x = (x - x.mean()) / x.std()
-    gaps = [
+    """Return the largest difference of a figure from the recomputed one beyond its allowance, 0 if all agree.
+
+    It is infinite if the samples of the 0-1 test are too few.
+    """
+    if found.step > max(len(series) // FEWEST, 1):
+        return math.inf
+    x = standard(series)
+    error, allowed = nearest_error(x[:LEADING], plan, found.ahead, seed)
+    return max(
+        0.0,
         abs(found.zero_one - zero_one(x, found.step)) - SHARE,
         abs(found.linear - linear_error(x[:LEADING], found.ahead)) - SHARE,
-    ]
-    part = x[:LEADING]
-    error, allowed = nearest_error(part, plan, found.ahead, seed)
-    gaps.append(abs(found.nonlinear - error) - allowed - SHARE)
-    gaps += partings_gaps(x, plan, found, seed)
-    return max(0.0, *gaps)
+        abs(found.nonlinear - error) - allowed - SHARE,
+        *partings_gaps(x, plan, found, seed),
+    )
+
+
+def standard(x: Floats) -> Floats:
+    """Return values with mean 0 and deviation 1, or zeros for constant ones."""
+    x = (x - x.min()) / (np.ptp(x) or 1.0)
+    result: Floats = (x - x.mean()) / (x.std() or 1.0)
+    return result
 
 
 def zero_one(x: Floats, step: int) -> float:
     """Return the median correlation of mean square displacements with time."""
-    x = x[::step][:MOST]
-    x = (x - x.mean()) / (x.std() or 1.0)
+    x = standard(x[::step][:MOST])
     n, cut, result = len(x), len(x) // 10, []
     ahead = np.arange(1, cut + 1)
     for c in np.pi * (0.2 + 0.6 * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES):
@@ -56,24 +67,30 @@ def zero_one(x: Floats, step: int) -> float:
 
 
 def linear_error(x: Floats, ahead: int) -> float:
-    """Return the error of the best least-squares prediction from the last 2 … 40 samples."""
-    errors = []
+    """Return the error of the best least-squares prediction from the last 2 … 40 samples, 1 without any."""
+    x, errors = standard(x), []
     for order in ORDERS:
         rows = len(x) - order - ahead + 1
-        if rows >= PER_COEFFICIENT * order:
+        if rows >= PER_COEFFICIENT * order and x.any():
             columns = [x[k : k + rows] for k in range(order)]
-            base, _ = np.linalg.qr(np.stack([np.ones(rows), *columns], axis=1))
+            past = np.stack([np.ones(rows), *columns], axis=1)
+            base, sizes, _ = np.linalg.svd(past, full_matrices=False)
+            base = base[
+                :, sizes > np.finfo(float).eps * rows * sizes[0]
+            ]  # columns may be dependent
             rest = x[order - 1 + ahead :]
             for _ in range(2):  # the second projection removes the rounding of the first
                 rest = rest - base @ (base.T @ rest)
-            errors.append(float(np.sqrt(rest @ rest / (rows - order - 1)) / x.std()))
+            errors.append(float(np.sqrt(rest @ rest / (rows - order - 1))))
     return min(errors, default=1.0)
 
 
 def nearest_error(x: Floats, plan: AttractorEstimate, ahead: int, seed: int) -> tuple[float, float]:
-    """Return the error of predictions by five nearest states, and its allowance."""
-    states = embedded(x, plan)
-    sample, last = Sample(states, min(plan.theiler, len(x) // 4), seed), len(states) - ahead
+    """Return the error of predictions by five nearest states, 1 without any, and its allowance."""
+    last = len(x) - plan.window - ahead
+    if last < NEAREST or not np.ptp(x) > 0:
+        return 1.0, 0.0
+    sample = Sample(embedded(x, plan), min(plan.theiler, len(x) // 4), seed)
     futures, errors = x[plan.window + ahead :], [np.zeros(0)]
     for some, apart in sample.blocks(last, largest=True):
         least = np.partition(apart, NEAREST - 1, axis=1)[:, NEAREST - 1]
@@ -92,9 +109,13 @@ def nearest_error(x: Floats, plan: AttractorEstimate, ahead: int, seed: int) -> 
 
 
 def partings_gaps(x: Floats, plan: AttractorEstimate, found: Evidence, seed: int) -> list[float]:
-    """Return the differences of both separations of nearest states beyond their allowances."""
+    """Return the differences of both separations of nearest states beyond their allowances.
+
+    The separations are 0 without neighbours.
+    """
     states = embedded(x, plan)
-    ahead = np.linspace(len(x) // 6, len(x) // 3, TIMES).astype(np.int64)
+    latest = min(len(x) // 3, len(states) // 2)
+    ahead = np.linspace(latest // 2, latest, TIMES).astype(np.int64)
     sample, last = Sample(states, plan.theiler, seed), len(states) - int(ahead[-1])
     least = NOTHING * float(np.ptp(states))
     firsts, seconds = np.random.default_rng(seed).integers(0, len(states), (2, PAIRS))
@@ -109,12 +130,13 @@ def partings_gaps(x: Floats, plan: AttractorEstimate, found: Evidence, seed: int
         late.append(np.mean(moved, axis=0))
     gaps = []
     for value, parts in ((found.near, early), (found.far, late)):
-        rows = np.concatenate(parts)
+        rows, expected, allowed = np.concatenate(parts), 0.0, SHARE
         if len(rows):
+            expected = float(levels.mean() - rows.mean())
             allowed = NATS + ERRORS * math.hypot(
                 float(rows.std()) / math.sqrt(min(len(rows), 500)), float(levels.std()) / 64.0
             )
-            gaps.append(abs(value - float(levels.mean() - rows.mean())) - allowed)
+        gaps.append(abs(value - expected) - allowed)
     return gaps
 
 

@@ -24,8 +24,11 @@ __all__ = [
 
 #: Nats that neighbours of a regular motion stay nearer than random states, and largest growth of their distance.
 TOGETHER, GROWTH = 1.5, 1.0
-#: Error of a linear prediction of a sum of few lines, and largest ratio of errors of a deterministic motion.
-LINES, DETERMINED = 0.01, 0.75
+#: Error of a linear prediction that is due to rounding, and of one of a sum of few lines. Noise in a narrow band has
+#: errors from 5e-7.
+EXACT, LINES = 1e-8, 0.01
+#: Largest ratio of errors of a deterministic motion.
+DETERMINED = 0.75
 #: Smallest correlation of the 0-1 test for chaos.
 IRREGULAR = 0.2
 
@@ -146,9 +149,13 @@ class Evidence(Declared):
 
     @property
     def stays(self) -> bool:
-        """Whether the motion is regular: neighbours stay together, or a short linear recursion is exact."""
-        together = self.far >= TOGETHER and self.near - self.far <= GROWTH
-        return together or self.linear <= LINES
+        """Whether the motion is regular: a short linear recursion is exact, or neighbours do not part.
+
+        They must be near or nearly follow a linear recursion. So does noise in a narrow band, but its neighbours part.
+        """
+        together = self.near - self.far <= GROWTH
+        close = self.far >= TOGETHER or self.linear <= LINES
+        return self.linear <= EXACT or (together and close)
 
     @property
     def refutes(self) -> str:

@@ -272,11 +272,10 @@ def cao_curves(
     E(d) is the mean growth of the distance of nearest neighbours from d to d + 1 coordinates, and E₁(d) =
     E(d + 1) / E(d). E₂ is the same for the distance of the new coordinates alone: 1 in every dimension for
     noise. Neighbours are more than `theiler` samples, by default a delay, apart in time, because neighbours
-    on the same piece of a trajectory do not show its folds. The series has more than ``(most + 1) * delay``
-    samples.
+    on the same piece of a trajectory do not show its folds. Dimensions that span the series are NaN.
     """
     grows, moves = np.full(most + 1, np.nan), np.full(most + 1, np.nan)
-    for k in range(most + 1):
+    for k in range(min(most + 1, (len(series) - 1) // delay)):
         apart, new = neighbour_growth(
             series, delay, k + 1, delay if theiler is None else theiler, np.inf
         )

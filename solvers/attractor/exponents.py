@@ -304,19 +304,21 @@ class Rosenstein(AttractorBackend):
     }
 
     #: Whether wider limits of a region apply: only for series that are not linear noise.
-    wide = False
+    wide: bool = False
+    #: Embeddings that replace those of the options.
+    choice: list[Embedding] | None = None
 
-    def __init__(self, wide: bool = False) -> None:
+    def __init__(self, wide: bool = False, choice: list[Embedding] | None = None) -> None:
         # An instance with attributes of its own would not share the process with hidden data.
-        if wide:
-            self.wide = wide
+        if wide or choice is not None:
+            self.wide, self.choice = wide, choice
 
     def embeddings(self, problem: AttractorAnalysis, request: Request) -> list[Embedding]:
         """Return the embeddings whose slopes are compared."""
         options = request.options
         if None not in (options["low"], options["high"]):
             return [embed(problem, options)]
-        return choose_embeddings(problem, options)[0]
+        return self.choice or choose_embeddings(problem, options, poll_of(request))[0]
 
     def region(
         self, states: Floats, embedding: Embedding, request: Request

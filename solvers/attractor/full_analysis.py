@@ -18,7 +18,7 @@ from .delays import (
 )
 from .dimensions import Cao, FalseNeighbours
 from .exponents import Kantz, Rosenstein
-from .native import EMBEDDING, AttractorBackend, Embedding, Finding, RunStopped, poll_of
+from .native import EMBEDDING, AttractorBackend, Embedding, Finding, RunStopped, embed, poll_of
 from .prediction import choose_embeddings
 from .surrogates import RANKING, ranks, statistics
 from .verdict import gather, judge
@@ -85,9 +85,13 @@ class FullAnalysis(AttractorBackend):
             given = {"delay": chosen["delay"]} if "delay" in backend.options else {}
             plan = part(backend, "dimension", given)
             chosen["dimension"] = None if plan is None else plan.dimension
-        embeddings, ahead = choose_embeddings(problem, chosen)
-        embedding, duration = embeddings[0], len(problem.series) * problem.period
         seed, poll = 0 if request.seed is None else request.seed, poll_of(request)
+        try:
+            embeddings, ahead = choose_embeddings(problem, chosen, poll)
+        except RunStopped:
+            embeddings = [embed(problem, chosen)]
+            ahead = embeddings[0].delay
+        embedding, duration = embeddings[0], len(problem.series) * problem.period
         test = ranking = None
         try:
             poll()
@@ -97,7 +101,7 @@ class FullAnalysis(AttractorBackend):
         else:
             figures.update(statistics(ranking))
         wide = ranking is not None and ranking.rejected
-        result = part(_EXPONENTS[options["exponent_method"]](wide), "exponent", chosen)
+        result = part(_EXPONENTS[options["exponent_method"]](wide, embeddings), "exponent", chosen)
         exponent = None if result is None else result.exponent
         if exponent is not None:
             embedding = Embedding(result.delay, result.dimension, result.theiler)

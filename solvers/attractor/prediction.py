@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...models.attractor.model import AttractorAnalysis
 from .embedding import standardised, thin_out
-from .native import Embedding, embed, theiler_window
+from .native import Embedding, Poll, embed, theiler_window
 from .neighbour_kernels import nearest_states, order_states
 
 __all__ = ["choose_embeddings", "prediction_error"]
@@ -38,6 +38,8 @@ def prediction_error(
     """
     ahead = delay if ahead is None else ahead
     last = len(values) - (dimension - 1) * delay - ahead
+    if last < 1:
+        return math.nan
     # The last coordinates diverge first, so the search is along the last one.
     columns = [values[k * delay : k * delay + last] for k in range(dimension - 1, -1, -1)]
     states, times, places = order_states(np.stack(columns, axis=1))
@@ -52,26 +54,28 @@ def prediction_error(
 
 
 def choose_embeddings(
-    problem: AttractorAnalysis, options: Mapping[str, Any]
+    problem: AttractorAnalysis, options: Mapping[str, Any], poll: Poll = bool
 ) -> tuple[list[Embedding], int]:
     """Return at most eight embeddings with the smallest prediction error, the best first, and the time ahead.
 
     The time ahead in samples is the delay of :func:`~.native.embed`, the same for all embeddings. Delay, dimension and
-    window of `options` are not changed. Raise InvalidData if the series is too short for them.
+    window of `options` are not changed. `poll` is called before each comparison. Raise InvalidData if the series is
+    too short for them.
     """
     first = embed(problem, options)
-    count, ahead = len(problem.series), first.delay
+    ahead = first.delay
     delays = sorted({max(ahead // part, 1) for part in DIVISORS}, reverse=True)
     delays = [ahead] if options.get("delay") else delays
     dimensions = sorted({*DIMENSIONS, first.dimension})
     dimensions = [first.dimension] if options.get("dimension") else dimensions
     if len(delays) * len(dimensions) == 1:
         return [first], ahead
-    values, ranked = standardised(problem.series[:SAMPLES]) if count else problem.series, []
+    values, ranked = standardised(problem.series[:SAMPLES]), []
     for delay in delays:
         for dimension in dimensions:
-            if (dimension - 1) * delay > min(count, len(values)) // 4:
+            if (dimension - 1) * delay > len(values) // 4:
                 continue
+            poll()
             theiler = options.get("theiler")
             if theiler is None:
                 theiler = theiler_window(problem.series, delay, dimension)

@@ -51,11 +51,14 @@ def zero_one(series: Floats, step: int) -> float:
     """Return the median correlation K of the 0-1 test of one in `step` samples, of the leading ones if they are many.
 
     The frequencies are spread evenly from π / 5 to 4 π / 5, and displacements are followed over a tenth of the
-    samples.
+    samples. K is 0 if these samples are constant.
     """
     from scipy import fft
 
-    x = standardised(series[::step][:MOST])
+    part = series[::step][:MOST]
+    if not np.ptp(part) > 0:
+        return 0.0
+    x = standardised(part)
     n, cut = len(x), len(x) // 10
     frequencies = np.pi * (0.2 + 0.6 * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES)
     paths = np.cumsum(x * np.exp(1j * frequencies[:, None] * np.arange(1, n + 1)), axis=1)
@@ -72,7 +75,9 @@ def zero_one(series: Floats, step: int) -> float:
 
 
 def linear_error(series: Floats, ahead: int) -> float:
-    """Return the error of the best autoregressive prediction `ahead` samples ahead, in standard deviations."""
+    """Return the error of the best autoregressive prediction `ahead` samples ahead, in standard deviations, 1 without any."""
+    if not np.ptp(series[:SAMPLES]) > 0:
+        return 1.0
     x, best = standardised(series[:SAMPLES]), math.inf
     for order in ORDERS:
         rows = len(x) - order - ahead + 1
@@ -89,9 +94,11 @@ def linear_error(series: Floats, ahead: int) -> float:
 def partings(states: Floats, theiler: int, count: int) -> tuple[float, float]:
     """Return the nats between random states and nearest neighbours, at first and after a sixth of `count` samples.
 
-    Distances are the largest difference of a coordinate. The later value is a mean until a third of the samples.
+    Distances are the largest difference of a coordinate. The later value is a mean until a third of the samples, or
+    half the states if they are fewer.
     """
-    ahead = np.unique(np.linspace(count // 6, count // 3, TIMES).astype(np.int64))
+    latest = min(count // 3, len(states) // 2)
+    ahead = np.unique(np.linspace(latest // 2, latest, TIMES).astype(np.int64))
     last = len(states) - int(ahead[-1])
     least = _NOTHING * float(np.ptp(states))
     first, second = np.random.default_rng(0).integers(0, len(states), (2, 4000))
@@ -121,8 +128,9 @@ def gather(problem: AttractorAnalysis, embedding: Embedding, ahead: int, poll: P
     poll()
     part = series[:SAMPLES]
     theiler = min(theiler, len(part) // 4)
-    square = prediction_error(part, delay, dimension, theiler, NEIGHBOURS, ahead) / part.var()
-    nonlinear = math.sqrt(square) if math.isfinite(square) else 1.0
+    square = prediction_error(part, delay, dimension, theiler, NEIGHBOURS, ahead)
+    is_known = math.isfinite(square) and np.ptp(part) > 0
+    nonlinear = math.sqrt(square / part.var()) if is_known else 1.0
     return Evidence(
         ahead, linear_error(series, ahead), nonlinear, near, far, step, zero_one(series, step)
     )
@@ -179,14 +187,14 @@ class Surrogates(AttractorBackend):
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
         """Compute the rank of the series, the evidence and the judgement."""
         options, poll = request.options, poll_of(request)
-        embeddings, ahead = choose_embeddings(problem, options)
+        embeddings, ahead = choose_embeddings(problem, options, poll)
         embedding, seed = embeddings[0], 0 if request.seed is None else request.seed
         ranking = ranks(problem.series, embedding, options, seed, poll, ahead)
         evidence = gather(problem, embedding, ahead, poll)
         exponent, messages = None, []
         if ranking.rejected and not evidence.stays:
             given = {name: options[name] for name in EMBEDDING}
-            answer = run_stage(Rosenstein(wide=True), problem, request, given)
+            answer = run_stage(Rosenstein(True, embeddings), problem, request, given)
             exponent, plan = answer.point.exponent, answer.point
             messages.append(answer.message)
             if exponent is not None:

@@ -138,7 +138,7 @@ def test_a_small_exponent_of_a_short_series_is_not_called_chaotic():
     ("change", "judgement", "said"),
     [
         ({"far": 4.5}, Judgement.REGULAR, ""),
-        ({"linear": 0.001}, Judgement.REGULAR, ""),
+        ({"linear": 0.001, "near": 1.0, "far": 0.5}, Judgement.REGULAR, ""),
         ({"far": 2.0}, Judgement.NONLINEAR, "have not parted"),
         ({"zero_one": 0.1}, Judgement.NONLINEAR, "0-1 test gives 0.1"),
         ({"nonlinear": 0.45}, Judgement.NONLINEAR, "clearly better than a linear"),

@@ -16,7 +16,7 @@ from crosstrack.models.attractor.evidence import (
     linear_error as plain_linear_error,
     zero_one as plain_zero_one,
 )
-from crosstrack.solvers.attractor.native import embed
+from crosstrack.solvers.attractor.native import RunStopped, embed
 from crosstrack.solvers.attractor.prediction import choose_embeddings
 from crosstrack.solvers.attractor.surrogates import normal_scores, surrogates_of
 from crosstrack.solvers.attractor.verdict import linear_error, zero_one
@@ -213,3 +213,54 @@ def test_the_exponent_agrees_with_the_median_of_several_embeddings():
 def test_ranks_of_transformed_noise_are_those_of_the_noise():
     noise = arma(400, (0.8,), seed=7)
     np.testing.assert_allclose(normal_scores(np.exp(noise)), normal_scores(noise), atol=1e-12)
+
+
+def test_noise_of_a_narrow_band_is_not_regular():
+    """Such noise follows a linear recursion to 1e-5, but neighbours part."""
+    band = np.fft.rfft(arma(4000, (), seed=1))
+    band[120:] = 0.0
+    found, answer = judgement(np.fft.irfft(band)[:1000])
+    assert found is Judgement.NOISE and answer.point.surrogates.evidence.linear < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("delay", "dimension"),
+    [(100, 4), (95, 4), (1, 300), (200, None), (398, None)],
+)
+def test_an_embedding_as_long_as_the_series_is_judged(delay, dimension):
+    given = {"delay": delay} if dimension is None else {"delay": delay, "dimension": dimension}
+    for name in ("surrogates", "full-analysis"):
+        assert judgement(arma(400, ()), name, theiler=0, **given)[0] in Judgement
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-13])
+def test_a_sensor_that_starts_late_is_judged(size):
+    """The predictions compare the first 10,000 samples."""
+    assert judgement(np.r_[size * arma(10_001, ()), arma(2000, ())])[0] in Judgement
+
+
+@pytest.mark.parametrize(
+    ("embedding", "change"),
+    [
+        ({}, {"step": 5}),
+        ({}, {"step": 10**6}),
+        ({}, {"ahead": 396}),
+        ({}, {"ahead": 10**6}),
+        ({"delay": 130, "dimension": 4}, {}),
+        ({"theiler": 395}, {"near": 5.0, "far": 5.0}),
+    ],
+)
+def test_evidence_of_other_samples_is_not_verified(embedding, change):
+    model, answer = analysed("surrogates", henon(400))
+    plan = replace(answer.point, exponent=None, **embedding)
+    forged = replace(plan.surrogates, evidence=replace(plan.surrogates.evidence, **change))
+    result = model.verify(replace(plan, surrogates=forged))
+    assert "evidence follows from the series" in [one.name for one in result.checks if not one.ok]
+
+
+def test_a_stop_ends_the_choice_of_embeddings():
+    def poll():
+        raise RunStopped
+
+    with pytest.raises(RunStopped):
+        choose_embeddings(AttractorAnalysis(henon(400)), {}, poll)
