@@ -135,7 +135,7 @@ class SideslipEstimation(Model[SideslipEstimate]):
 
         The contradiction must exceed 0.5° and eight deviations of the acceleration's noise, and twice that on training drives
         (``tests/benchmarks/sideslip/spins.py``). In 15 scenarios without a spin the geometric mean of the ratio to the best of six
-        estimators is 1.4 for ``kalman-grnn``, 1.6 for ``unscented-filter`` and 2.5 for ``rts-smoother``, the default without training
+        estimators is 1.3 for ``kalman-grnn``, 1.6 for ``unscented-filter`` and 2.5 for ``rts-smoother``, the default without training
         drives (``tests/benchmarks/sideslip/errors.py``).
         """
         car = self.vehicle

@@ -215,7 +215,7 @@ def find_contradictions(problem: SideslipEstimation, sideslip: Floats, deviation
     times, moving = drive.times, drive.moving
     speed = np.where(moving, drive.speed, np.inf)
     rate, steps = kinematic_rate(drive), np.diff(times)
-    sensor_variance = problem.yaw_rate_noise**2 + (problem.acceleration_noise / speed) ** 2
+    sensor_variance = np.square(problem.yaw_rate_noise) + (problem.acceleration_noise / speed) ** 2
     # Noise of both sensors, the model's disturbance of the angle, and the error of the trapezoidal rule.
     noise = (
         0.5 * (sensor_variance[1:] + sensor_variance[:-1]) * steps**2

@@ -284,3 +284,9 @@ def test_auto_is_near_the_best_in_every_scenario():
 
 def test_plans_keep_their_keys():
     assert set(plan_of(np.zeros(3)).data()) == {"sideslip", "deviation"}
+
+
+def test_noise_of_any_size_is_accepted():
+    model = dataclasses.replace(spin(), yaw_rate_noise=1e300, acceleration_noise=1e300)
+    result = run("kalman-grnn", model).point
+    assert np.isfinite(result.sideslip).all() and np.isfinite(result.deviation).all()
