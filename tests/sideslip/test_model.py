@@ -49,7 +49,7 @@ def changed(name, place, value):
         ({"yaw_inertia": None}, "yaw_inertia must be a number", "yaw_inertia"),
         ({"friction": 0}, "friction must be > 0, got 0", "friction"),
         ({"friction": math.nan}, "friction must be finite", "friction"),
-        ({"tyre": "round"}, "tyre must be one of linear, saturating, got 'round'", "tyre"),
+        ({"tyre": "round"}, "tyre must be one of linear, saturating, magic-formula, got 'round'", "tyre"),
         ({"tyre": None}, "tyre must be one of", "tyre"),
     ],
 )  # fmt: skip
