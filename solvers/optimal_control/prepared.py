@@ -300,7 +300,7 @@ def prepare(
 ) -> OnlineFilter: ...
 def prepare(
     problem: Any,
-    backend: str = "ipopt",
+    backend: str | None = None,
     *,
     formulation: str | None = None,
     mesh: Any = None,
@@ -323,9 +323,9 @@ def prepare(
         Problem with data declared by ``ocp.data(…)``. A flight accepts no options, a map the options
         ``weights`` and ``radius`` of :class:`~crosstrack.solvers.grid_path.PreparedMap`, a sideslip model the
         option ``history`` of :class:`~crosstrack.solvers.sideslip.OnlineFilter`.
-    backend : str
-        Backend that uses CasADi: ``"ipopt"``, ``"sqpmethod"`` …; see :func:`crosstrack.backends`. For
-        a sideslip model ``"kalman-filter"`` or ``"unscented-filter"``.
+    backend : str, optional
+        Backend that uses CasADi: ``"ipopt"`` (default), ``"sqpmethod"`` …; see :func:`crosstrack.backends`.
+        For a sideslip model ``"kalman-filter"`` (default) or ``"unscented-filter"``.
     formulation : str, optional
         Name of the transcription; by default that of the problem.
     mesh : Solution, ControlPlan, Mesh or sequence of float, optional
@@ -374,7 +374,7 @@ def prepare(
     """
     given = dict(options, formulation=formulation, mesh=mesh, tolerance=tolerance, limits=limits)
     given.update(time_limit=time_limit, backend_options=backend_options, structured=structured)
-    given.update(backend=None if backend == "ipopt" else backend)
+    given.update(backend=backend)
     given = {name: value for name, value in given.items() if value is not None}
     if isinstance(problem, GridMap | GridPath):
         return prepare_map(problem, **given)
@@ -391,7 +391,7 @@ def prepare(
         if lowered is None:
             raise UnsupportedFormulation(f"{_TAKEN}, got model {original.kind!r}")
         model = lowered
-    chosen_backend = find_backend(backend)
+    chosen_backend = find_backend("ipopt" if backend is None else backend)
     if not isinstance(chosen_backend, CasadiNlp):
         raise UnsupportedOption(
             f"prepare takes backends over CasADi's nlpsol, such as 'ipopt' and 'sqpmethod', "

@@ -242,8 +242,9 @@ def test_wild_samples_give_finite_estimates(size):
 
 
 def test_other_backends_and_options_are_refused():
-    with pytest.raises(UnsupportedOption, match=r"prepare takes .* got 'rts-smoother'"):
-        ct.prepare(MODELS[2], "rts-smoother")
+    for name in ("rts-smoother", "ipopt"):
+        with pytest.raises(UnsupportedOption, match=f"prepare takes .* got '{name}'"):
+            ct.prepare(MODELS[2], name)
     with pytest.raises(UnsupportedOption, match=r"the option history .* got tolerance"):
         ct.prepare(MODELS[2], tolerance=1e-3)
     with pytest.raises(InvalidData, match="history must be"):
