@@ -2,12 +2,14 @@
 
 The prediction errors of a Kalman filter that also measures the angle are minimised by nonlinear least squares
 (L. Ljung, System Identification, 2nd edition, 1999, section 7.2). Its gains are those of the former estimate:
-with gains that depend on the parameters, larger errors could be bought with larger predicted errors.
+with gains that depend on the parameters, larger errors could be bought with larger predicted errors. If the errors
+exceed twice the declared noise, a second search starts from typical values, and the more likely result is returned.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -40,10 +42,14 @@ BIASES = {
 PRIOR = 10.0
 #: Deviation of the same after the drives, above which the parameter is not determined.
 LOOSE = 0.5
-#: Rounds of least squares, and the change of a parameter, in deviations, that ends them.
+#: Rounds of least squares, and the change that ends them: of a parameter in deviations, and of the variance of a noise
+#: relative to that of the prediction error.
 ROUNDS, SETTLED = 20, 0.05
-#: Noise of the known angles (rad) in the first round, and the least factor on a variance in a round.
+#: Noise of the known angles (rad) in the first round, and the least factor on a variance in a round; its square bounds
+#: the factor of all rounds.
 ANGLE_NOISE, LEAST = 0.001, 0.01
+#: Stiffnesses, and their typical ratio to the static load (1/rad).
+STIFFNESSES, STIFFNESS = ("cornering_front", "cornering_rear"), 10.0
 #: Largest logarithm of the ratio of an estimate to its start, and largest prediction error.
 MOST, MOST_ERROR = 20.0, 1e9
 #: Time (s) over which prediction errors may be correlated, and the parts per parameter for their covariance.
@@ -60,8 +66,8 @@ class Identification(Estimate):
         The vehicle with the estimates.
     undetermined : tuple of str
         Parameters with a relative deviation above 0.5, and biases with one above 0.025 rad, 0.025 rad/s or
-        0.25 m/s². Their values depend on the vehicle before the
-        identification; `correlations` names the parameters that can replace them.
+        0.25 m/s². Their values depend on the vehicle before the identification; `correlations` names the
+        parameters that can replace them. All parameters, if the search did not converge in 20 rounds.
     noise : ndarray, shape (3,)
         Deviations of the noise of angle (rad), yaw rate (rad/s) and lateral acceleration (m/s²) that
         explain the prediction errors.
@@ -150,27 +156,48 @@ def identify(
 
     from scipy.optimize import least_squares
 
-    x = np.zeros(len(chosen))
     blocks = np.concatenate([track.blocks + 1000000 * k for k, track in enumerate(tracks)])
-    for _ in range(ROUNDS):
-        errors = errors_at(x, gains=True)
-        used = np.any(errors != 0.0, axis=1)
+    declared = noise[2:].copy()
 
-        def residuals(x: Floats) -> Floats:
-            rest = np.clip(np.nan_to_num(errors_at(x), nan=MOST_ERROR), -MOST_ERROR, MOST_ERROR)
-            return np.concatenate([rest.ravel(), x / loose])
+    def residuals(x: Floats) -> Floats:
+        rest = np.clip(np.nan_to_num(errors_at(x), nan=MOST_ERROR), -MOST_ERROR, MOST_ERROR)
+        return np.concatenate([rest.ravel(), x / loose])
 
-        result = least_squares(residuals, x, jac="3-point", x_scale=np.minimum(loose, 1.0))
-        slopes, rest = result.jac[: errors.size], result.fun[: errors.size]
-        inverse = np.linalg.inv(slopes.T @ slopes + np.diag(loose**-2.0))
-        moved = np.abs(result.x - x) / np.sqrt(np.diag(inverse))
-        x = result.x
-        if moved.max() < SETTLED:
-            break
-        # The noise that explains the size of the errors.
-        spread = np.concatenate([track.spread for track in tracks])[used]
-        excess = np.median(spread, axis=0) * (np.mean(rest.reshape(-1, 3)[used] ** 2, axis=0) - 1.0)
-        noise[2:] = np.maximum(noise[2:] + 0.5 * excess, LEAST * noise[2:])
+    def search(x: Floats) -> tuple[Any, ...]:
+        """Return the cost of the result, whether it converged, the result, and the noise that explains the errors."""
+        noise[2:], settled, loss = declared, False, math.inf
+        for _ in range(ROUNDS):
+            used = np.any(errors_at(x, gains=True) != 0.0, axis=1)
+            spread = np.concatenate([track.spread for track in tracks])[used]
+            result = least_squares(residuals, x, jac="3-point", x_scale=np.minimum(loose, 1.0))
+            slopes, rest = result.jac[: 3 * len(used)], result.fun[: 3 * len(used)]
+            inverse = np.linalg.inv(slopes.T @ slopes + np.diag(loose**-2.0))
+            moved = np.abs(result.x - x) / np.sqrt(np.diag(inverse))
+            x, errors = result.x, rest.reshape(-1, 3)[used]
+            loss = float(np.sum(np.log(spread) + errors**2))
+            # The noise that explains the size of the errors.
+            size = np.median(spread, axis=0)
+            excess = size * (np.mean(errors**2, axis=0) - 1.0)
+            better = np.maximum(
+                noise[2:] + 0.5 * excess, LEAST * np.maximum(noise[2:], LEAST * declared)
+            )
+            settled = moved.max() < SETTLED and bool(
+                np.all(np.abs(better - noise[2:]) < SETTLED * size)
+            )
+            if settled:
+                break
+            noise[2:] = better
+        return loss, settled, x, slopes, rest, errors, inverse, noise[2:].copy()
+
+    best = search(np.zeros(len(chosen)))
+    if not best[1] or np.any(best[-1][1:] > 4.0 * declared[1:]):
+        # The errors may be those of a wrong minimum: search from typical values, too.
+        typical = dict(zip(STIFFNESSES, STIFFNESS * np.array(start.loads), strict=True))
+        typical.update(yaw_inertia=start.mass * start.front * start.rear, friction=1.0)
+        ratios = [typical.get(name, 1.0) / unit for name, unit in zip(chosen, units, strict=True)]
+        free = ~bias & (loose == PRIOR) & np.isin(chosen, [*typical])
+        best = min(best, search(np.log(np.where(free, ratios, 1.0))), key=lambda found: found[0])
+    _, settled, x, slopes, rest, errors, inverse, level = best
     deviations, shape = np.sqrt(np.diag(inverse)), inverse
     parts = np.unique(blocks, return_inverse=True)[1]
     if parts.max() + 1 >= PARTS * len(chosen):
@@ -182,7 +209,6 @@ def identify(
     scale = deviations / np.sqrt(np.diag(shape))
     values = values_at(x)
     factors = np.where(bias, units, values)
-    errors = errors_at(x)[used]
     freedom = int(errors.size - len(chosen))
     fitted: dict[str, Any] = {
         name: float(value) for name, value in zip(chosen, values, strict=True) if name not in BIASES
@@ -191,8 +217,8 @@ def identify(
         names=chosen, values=values, covariance=shape * np.outer(scale * factors, scale * factors),
         variance=float(np.sum(errors**2)) / max(freedom, 1), freedom=freedom,
         vehicle=dataclasses.replace(start, **fitted),
-        undetermined=tuple(np.array(chosen)[deviations > LOOSE].tolist()),
-        noise=np.sqrt(noise[2:]),
+        undetermined=tuple(np.array(chosen)[~(deviations <= LOOSE) | (not settled)].tolist()),
+        noise=np.sqrt(level),
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from sideslip.filters import simulated
 from crosstrack.errors import InvalidData
 from crosstrack.instances.sideslip import generate
 from crosstrack.instances.sideslip.settings import VEHICLE
-from crosstrack.models.sideslip import SideslipEstimation, identify
+from crosstrack.models.sideslip import SideslipEstimation, identification, identify
 
 STIFF = ("cornering_front", "cornering_rear", "yaw_inertia")
 WRONG = {"cornering_front": 1.3, "cornering_rear": 0.8, "yaw_inertia": 1.2}
@@ -134,6 +134,21 @@ def test_a_start_far_from_the_truth_is_left(size):
     car = dataclasses.replace(model.vehicle, **values)
     result = identify(dataclasses.replace(model, vehicle=car, training=[drive]))
     assert np.isfinite(result.values).all() and np.isfinite(result.covariance).all()
+
+
+def test_a_wrong_minimum_is_left():
+    wrong = {"cornering_front": 0.01, "cornering_rear": 100, "yaw_inertia": 0.1, "friction": 0.05}
+    for seed in range(4):
+        model = drives(seed, 2, samples=200, tyre="saturating", friction=0.8, mismatch=wrong)
+        result = identify(model)
+        error = np.abs(result.values - true_values(result.names, friction=0.8))
+        assert (error < 4.0 * result.deviations).all() and not result.undetermined
+
+
+def test_a_search_that_does_not_converge_determines_nothing(monkeypatch):
+    monkeypatch.setattr(identification, "ROUNDS", 1)
+    result = identify(drives(count=1))
+    assert result.undetermined == result.names and "yaw_inertia is not determined" in str(result)
 
 
 def test_training_is_required():

@@ -1,9 +1,13 @@
 """The default estimator on a recorded race-track drive, with rough vehicle parameters."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from sideslip import stanford
 
+import crosstrack as ct
+from crosstrack.models.sideslip import identify
 from crosstrack.solvers import Request, find_backend
 
 pytestmark = pytest.mark.skipif(
@@ -41,6 +45,25 @@ def test_error_and_coverage_in_cross_validation(drive):
     error, coverage = np.mean(found, axis=0)
     assert error <= 0.30
     assert 0.90 <= coverage <= 0.98
+
+
+def test_the_declared_noise_fails_after_identification_and_the_identified_one_is_too_small(drive):
+    end = int(stanford.SHARE * len(drive))
+    car = dataclasses.replace(stanford.GUESS, tyre="magic-formula")
+    here = stanford.cut(drive, end, len(drive))
+    model = stanford.model(here, [stanford.cut(drive, 0, end)], car)
+    result = identify(model)
+    assert not result.undetermined
+    model = dataclasses.replace(model, vehicle=result.vehicle)
+    solution = ct.solve(model, "kalman-filter")
+    assert solution.primal_bound > 30.0 and model.coverage(solution.plan) > 0.9
+    assert "the measurements contradict the vehicle or the noises" in solution.message
+    findings = str(ct.diagnose(dataclasses.replace(model, training=())))
+    assert "the noise of lateral_acceleration looks like" in findings
+    assert f"m/s² that a friction of {result.vehicle.friction:g}" in findings
+    noise = {"yaw_rate_noise": result.noise[1], "acceleration_noise": result.noise[2]}
+    solution = ct.solve(dataclasses.replace(model, **noise), "kalman-filter")
+    assert solution.primal_bound < 0.5 and model.coverage(solution.plan) < 0.8
 
 
 def test_signs_units_and_delays_of_the_file(drive):
