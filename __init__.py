@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     from .solvers.contract.solution import Solution as Solution
     from .solvers.contract.states import backends as backends
     from .solvers.flight.planning import plan_flight as plan_flight
-    from .solvers.optimal_control.prepared import prepare as prepare
     from .solvers.report.view.page import Page as Page, show as show
     from .solvers.run.crosscheck import Comparison as Comparison, compare as compare
     from .solvers.run.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
     from .solvers.run.dispatch import solve as solve
     from .solvers.run.fronts import Front as Front
     from .solvers.run.pareto import front as front
+    from .solvers.run.preparation import prepare as prepare
     from .solvers.run.verification import verify as verify
 
 if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name

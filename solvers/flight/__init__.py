@@ -10,8 +10,6 @@ if TYPE_CHECKING:
     from .planning import plan_flight as plan_flight
     from .replanning import PreparedFlight as PreparedFlight, Replan as Replan
 
-#: Names that modules of other problems import.
-SHARED = ("replanning.prepare_flight",)
 BACKENDS = {"minco": ".minco:Minco", "staged": ".staged:Staged"}
 DIAGNOSES = {"flight": ".diagnosis:diagnose_flight"}
 

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from .prepared import PathAnswer as PathAnswer, PreparedMap as PreparedMap
 
 #: Private names that modules of other problems import.
-SHARED = ("prepared.prepare_map", "smoothing.smooth")
+SHARED = ("smoothing.smooth",)
 BACKENDS = {
     "a-star": ".exact:AStar",
     "dijkstra": ".exact:Dijkstra",

@@ -8,7 +8,7 @@ from ...errors import InvalidData, NoDerivative
 from ...models.fields import show
 from ...models.optimal_control.plan import ControlPlan
 from ..contract.enums import Termination
-from .prepared import PreparedSolver, Step, prepare
+from .prepared import PreparedSolver, Step, prepare_control
 from .sensitivity import Sensitivity
 
 __all__ = ["sensitivity"]
@@ -64,7 +64,7 @@ def sensitivity(solution: Any, name: str) -> Sensitivity:
     meshes = [{"formulation": solution.formulation, "mesh": plan}]
     meshes += [{"intervals": FEWEST + count + k} for k in range(EVEN)]
     for number, mesh in enumerate(meshes):
-        solver: PreparedSolver = prepare(model, tolerance=TOLERANCE, **mesh, **kept)
+        solver: PreparedSolver = prepare_control(model, tolerance=TOLERANCE, **mesh, **kept)
         step = solver(warm=plan)
         try:
             _check_same(step, solution.primal_bound)

@@ -11,45 +11,39 @@ import os
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption
-from ...models.conversion import as_model
+from ...errors import UnsupportedFormulation, UnsupportedOption
 from ...models.fields import Flag, Optional, Real, show
-from ...models.flight.model import Flight
-from ...models.grid_path.gridmap import GridMap
-from ...models.grid_path.model import GridPath
+from ...models.model import Model
 from ...models.optimal_control.model import OptimalControlProblem
 from ...models.optimal_control.plan import ControlPlan
 from ...models.optimal_control.transcription.base import Transcription
-from ...models.sideslip.model import SideslipEstimation
 from ..contract.backend import Request
 from ..contract.limits import Limits, limits_of
 from ..contract.registry import find_backend
-from ..flight.replanning import PreparedFlight, prepare_flight
-from ..grid_path.prepared import PreparedMap, prepare_map
 from ..nlp.base import AWAY
 from ..nlp.casadi_nlp import CasadiNlp
 from ..nlp.ipopt import PUSHES
 from ..programs.attempts import Ended, solver_tolerance
 from ..programs.casadi_plugins import last_line, status_of, vector
-from ..sideslip.online import OnlineFilter, prepare_sideslip
 from .generated import write_step
 from .parametric import Parametric, Point
 from .stages import NotStaged
 from .step import Step
 from .structured import StructuredSolver
 
-__all__ = ["PreparedSolver", "Step", "prepare"]
+__all__ = ["PreparedSolver", "Step", "prepare_control"]
 
 Floats = NDArray[np.float64]
 
 #: Ipopt's barrier parameter at a warm start, and the distance of a warm start from its bounds.
 NEAR = 1e-8
-_TAKEN = "prepare takes optimal control problems, flights, grid maps and sideslip models"
+#: Beginning of the message for other models.
+TAKEN = "prepare takes optimal control problems, flights, grid maps and sideslip models"
 SADDLE = "yet not a minimum: the objective falls along a direction of negative curvature"
 #: Largest difference of objectives of the same point, relative, and absolute in the objective's scale.
 SAME = 1e-6, 1e-9
@@ -286,21 +280,9 @@ class PreparedSolver:
         return backend.create("step", posed.problem(), options)
 
 
-@overload
-def prepare(problem: OptimalControlProblem, **options: Any) -> PreparedSolver: ...
-@overload
-def prepare(problem: Flight) -> PreparedFlight: ...
-@overload
-def prepare(
-    problem: GridMap | GridPath, *, weights: ArrayLike | None = None, radius: float = 0.0
-) -> PreparedMap: ...
-@overload
-def prepare(
-    problem: SideslipEstimation, backend: str = "kalman-filter", *, history: float = 0.0
-) -> OnlineFilter: ...
-def prepare(
-    problem: Any,
-    backend: str | None = None,
+def prepare_control(
+    original: Model[Any],
+    backend: str = "ipopt",
     *,
     formulation: str | None = None,
     mesh: Any = None,
@@ -310,88 +292,15 @@ def prepare(
     backend_options: Mapping[str, Any] | None = None,
     structured: bool | None = None,
     **options: Any,
-) -> Any:
-    """Build an optimal control problem on a fixed mesh once, to solve it for other data by a call.
-
-    It serves model-predictive control and parameter studies. The mesh is not refined, and plans are
-    verified only on request (``step.verification()``). A flight is prepared for replanning in the air, and a
-    map for many verified shortest paths. A sideslip model becomes a filter that follows a drive sample by sample.
-
-    Parameters
-    ----------
-    problem : OptimalControlProblem, Flight, GridMap, GridPath or SideslipEstimation
-        Problem with data declared by ``ocp.data(…)``. A flight accepts no options, a map the options
-        ``weights`` and ``radius`` of :class:`~crosstrack.solvers.grid_path.PreparedMap`, a sideslip model the
-        option ``history`` of :class:`~crosstrack.solvers.sideslip.OnlineFilter`.
-    backend : str, optional
-        Backend that uses CasADi: ``"ipopt"`` (default), ``"sqpmethod"`` …; see :func:`crosstrack.backends`.
-        For a sideslip model ``"kalman-filter"`` (default) or ``"unscented-filter"``.
-    formulation : str, optional
-        Name of the transcription; by default that of the problem.
-    mesh : Solution, ControlPlan, Mesh or sequence of float, optional
-        Ends of the intervals, as fractions from 0 to 1. A solution or plan provides mesh and guess.
-    tolerance : float, optional
-        Largest violation of a scaled row, and tolerance of the backend (default 1e-6).
-    time_limit : float, optional
-        Time limit of a search in seconds, if supported; a repeated step may take twice as long.
-    limits : Limits, optional
-        Record with the tolerance and the time limit.
-    backend_options : mapping, optional
-        Options of the backend.
-    structured : bool, optional
-        Whether steps from an earlier step use an interior-point method on the structure of the intervals;
-        the backend solves the others, and those on which it does not converge. By default it is used
-        with ``"ipopt"`` for programs of one phase without path equations. True requires it.
-    **options
-        Options of the transcription: `intervals`, `degree` …
-
-    Returns
-    -------
-    PreparedSolver, ``PreparedFlight``, :class:`~crosstrack.solvers.grid_path.PreparedMap` or OnlineFilter
-        Solver; ``solver(x0=…, warm=True)`` returns a :class:`Step`.
-
-    Raises
-    ------
-    UnsupportedFormulation
-        The problem is not an optimal control problem.
-    UnknownName, UnsupportedOption, BackendMissing, BackendBroken, InvalidData
-        A name, option, package or value is not available or not allowed.
-
-    Examples
-    --------
-    >>> import crosstrack as ct
-    >>> from crosstrack.models import OptimalControlProblem
-    >>> ocp = OptimalControlProblem("brake")
-    >>> x0 = ocp.data("x0", 2, value=[1.0, 0.0])
-    >>> phase = ocp.phase(time=(0, 2))
-    >>> x, u = phase.state("x", 2, initial=x0), phase.control("u", lower=-3, upper=3)
-    >>> phase.dynamics({x: [x[1], u]})
-    >>> ocp.minimise(phase.integral(x[0] ** 2 + 0.1 * u**2))
-    >>> solver = ct.prepare(ocp, intervals=5, degree=4)
-    >>> first, second = solver(), solver(x0=[0.9, -0.1], warm=True)
-    >>> first.ok, second.ok, second.objective < first.objective
-    (True, True, True)
-    """
-    given = dict(options, formulation=formulation, mesh=mesh, tolerance=tolerance, limits=limits)
-    given.update(time_limit=time_limit, backend_options=backend_options, structured=structured)
-    given.update(backend=backend)
-    given = {name: value for name, value in given.items() if value is not None}
-    if isinstance(problem, GridMap | GridPath):
-        return prepare_map(problem, **given)
-    try:
-        original = model = as_model(problem)
-    except InvalidData as error:
-        raise InvalidData(f"{_TAKEN}: {error}", field="problem") from None
-    if isinstance(original, Flight):
-        return prepare_flight(original, **given)
-    if isinstance(original, SideslipEstimation):
-        return prepare_sideslip(original, **given)
+) -> PreparedSolver:
+    """Prepare an optimal control problem, or a model that lowers to one; see :func:`crosstrack.prepare`."""
+    model = original
     while not isinstance(model, OptimalControlProblem):
         lowered = model.lower()
         if lowered is None:
-            raise UnsupportedFormulation(f"{_TAKEN}, got model {original.kind!r}")
+            raise UnsupportedFormulation(f"{TAKEN}, got model {original.kind!r}")
         model = lowered
-    chosen_backend = find_backend("ipopt" if backend is None else backend)
+    chosen_backend = find_backend(backend)
     if not isinstance(chosen_backend, CasadiNlp):
         raise UnsupportedOption(
             f"prepare takes backends over CasADi's nlpsol, such as 'ipopt' and 'sqpmethod', "

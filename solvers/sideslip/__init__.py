@@ -9,8 +9,6 @@ from ...lazy import attach
 if TYPE_CHECKING:
     from .online import OnlineEstimate as OnlineEstimate, OnlineFilter as OnlineFilter
 
-#: Private names that modules of other problems import.
-SHARED = ("online.prepare_sideslip",)
 BACKENDS = {
     "rts-smoother": ".kalman:RtsSmoother",
     "kalman-filter": ".kalman:KalmanFilter",
