@@ -24,25 +24,27 @@ Integers = NDArray[np.int64]
 _MISSING = 1e30
 
 
-#: Arguments of the filter's kernels for two samples, the one before and the new one.
 Pair = namedtuple(
     "Pair",
     "times speed steering data noise start predicted spread filtered covariance innovations innovation_spread step "
     "shift slope level before marks terms after sums scale error usable flag vehicle declared initial",
 )
-#: The same for the unscented filter, whose `begin` is the root of the initial covariance.
+Pair.__doc__ = "Arguments of the filter's kernels for two samples, the one before and the new one."
 Cloud = namedtuple(
     "Cloud",
     "times speed steering data filtered root sums vehicle loads noise drift initial begin",
 )
-#: Arguments of :func:`~crosstrack.solvers.sideslip.gates.gate_path` for the samples since the longest window began.
-#: `counts` has the number of samples, the first one after the last halt, and the first one of each window; `sensors`
-#: the variances of yaw rate, acceleration and disturbance of the angle per second.
+Cloud.__doc__ = "Arguments of the unscented filter; `begin` is the root of the initial covariance."
 Track = namedtuple(
     "Track",
     "times moving angle claim change noise lacking bias begins origin differences rate variance size state counts "
     "sensors",
 )
+Track.__doc__ = """Arguments of :func:`~crosstrack.solvers.sideslip.gates.gate_path` since the longest window began.
+
+`counts` has the number of samples, the first one after the last halt, and the first one of each window; `sensors`
+the variances of yaw rate, acceleration and disturbance of the angle per second.
+"""
 
 
 @kernel
