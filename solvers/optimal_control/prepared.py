@@ -11,12 +11,13 @@ import os
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation, UnsupportedOption
+from ...lazy import moved
 from ...models.fields import Flag, Optional, Real, show
 from ...models.model import Model
 from ...models.optimal_control.model import OptimalControlProblem
@@ -37,6 +38,8 @@ from .step import Step
 from .structured import StructuredSolver
 
 __all__ = ["PreparedSolver", "Step", "prepare_control"]
+if not TYPE_CHECKING:
+    __getattr__ = moved(__name__, {"..run.preparation": "prepare"})
 
 Floats = NDArray[np.float64]
 

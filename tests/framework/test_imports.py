@@ -142,6 +142,7 @@ def test_former_modules_of_nonlinear_solvers_are_importable_with_a_warning(forme
         ("solvers.contract.registry", "register_backend", "solvers.contract.registration"),
         ("solvers.registry", "backend_states", "solvers.contract.states"),
         ("solvers.run.assembly", "claim_to_data", "solvers.processes.claims"),
+        ("solvers.optimal_control.prepared", "prepare", "solvers.run.preparation"),
         ("solvers.run.dispatch", "verify", "solvers.run.verification"),
         ("solvers.run.execution", "multistart", "solvers.run.multistart"),
         ("models.model", "parse_json", "models.json_text"),
