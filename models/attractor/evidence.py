@@ -18,10 +18,13 @@ Floats = NDArray[np.float64]
 FEWEST, MOST, FREQUENCIES = 100, 1500, 48
 #: Orders of linear models, samples per coefficient and of predictions.
 ORDERS, PER_COEFFICIENT, LEADING = (2, 5, 10, 20, 40), 20, 10_000
-#: States of a prediction, pairs and times of mean logarithms, and smallest relative distance.
-NEAREST, PAIRS, TIMES, NOTHING = 5, 20_000, 50, 1e-9
-#: Allowance for means over samples of states: nats, relative error of a prediction, and standard errors.
-NATS, SHARE, ERRORS = 0.15, 1e-6, 5.0
+#: Nearest states of a prediction, number of predicted states, dimension above which fewer are predicted, their number,
+#: and golden ratio.
+NEAREST, ASKED, HIGH, ASKED_HIGH, GOLDEN = 5, 2000, 5, 500, (5**0.5 - 1) / 2
+#: Pairs and times of mean logarithms, and smallest relative distance.
+PAIRS, TIMES, NOTHING = 20_000, 50, 1e-9
+#: Allowance for rounding of errors and correlations; for means over samples of states: nats and standard errors.
+SHARE, NATS, ERRORS = 1e-6, 0.15, 5.0
 
 
 def evidence_gap(series: Floats, plan: AttractorEstimate, found: Evidence, seed: int) -> float:
@@ -32,21 +35,20 @@ def evidence_gap(series: Floats, plan: AttractorEstimate, found: Evidence, seed:
     if found.step > max(len(series) // FEWEST, 1):
         return math.inf
     x = standard(series)
-    error, allowed = nearest_error(x[:LEADING], plan, found.ahead, seed)
     return max(
         0.0,
         abs(found.zero_one - zero_one(x, found.step)) - SHARE,
         abs(found.linear - linear_error(x[:LEADING], found.ahead)) - SHARE,
-        abs(found.nonlinear - error) - allowed - SHARE,
-        *partings_gaps(x, plan, found, seed),
+        abs(found.nonlinear - nearest_error(x[:LEADING], plan, found.ahead)) - SHARE,
+        *partings_gaps(series, plan, found, seed),
     )
 
 
 def standard(x: Floats) -> Floats:
     """Return values with mean 0 and deviation 1, or zeros for constant ones."""
     x = (x - x.min()) / (np.ptp(x) or 1.0)
-    result: Floats = (x - x.mean()) / (x.std() or 1.0)
-    return result
+    x = x - x.mean()
+    return x / (x.std() or 1.0)
 
 
 def zero_one(x: Floats, step: int) -> float:
@@ -85,27 +87,27 @@ def linear_error(x: Floats, ahead: int) -> float:
     return min(errors, default=1.0)
 
 
-def nearest_error(x: Floats, plan: AttractorEstimate, ahead: int, seed: int) -> tuple[float, float]:
-    """Return the error of predictions by five nearest states, 1 without any, and its allowance."""
-    last = len(x) - plan.window - ahead
+def nearest_error(x: Floats, plan: AttractorEstimate, ahead: int) -> float:
+    """Return the error of predictions by five nearest states, 1 without any, for one state of equal stretches."""
+    last, squares = len(x) - plan.window - ahead, []
     if last < NEAREST or not np.ptp(x) > 0:
-        return 1.0, 0.0
-    sample = Sample(embedded(x, plan), min(plan.theiler, len(x) // 4), seed)
-    futures, errors = x[plan.window + ahead :], [np.zeros(0)]
-    for some, apart in sample.blocks(last, largest=True):
-        least = np.partition(apart, NEAREST - 1, axis=1)[:, NEAREST - 1]
-        near = np.zeros((len(some), NEAREST), np.int64)
-        for k, row in enumerate(apart):  # of equally near states the earlier ones
-            within = np.flatnonzero(row <= least[k])
-            near[k] = within[np.argsort(row[within], kind="stable")[:NEAREST]]
-        good = np.isfinite(least)
-        errors.append((futures[some] - futures[near].mean(axis=1))[good] ** 2)
-    squares = np.concatenate(errors) / x.var()
-    if not len(squares):
-        return 1.0, 0.0
-    error = float(np.sqrt(squares.mean()))
-    spread = float(squares.std()) / np.sqrt(len(squares)) / max(2.0 * error, NOTHING)
-    return error, 0.0 if sample.whole else ERRORS * spread
+        return 1.0
+    states, futures = embedded(x, plan)[:last], x[plan.window + ahead :]
+    theiler = min(plan.theiler, len(x) // 4)
+    many = plan.dimension <= HIGH or len(x) <= ASKED
+    count = min(last, ASKED if many else ASKED_HIGH)
+    # The position within a stretch follows multiples of the golden ratio; all states if they are few.
+    k = np.arange(count)
+    shift = k * GOLDEN % 1.0 if count < last else 0.0
+    for i in np.floor((k + shift) * (last / count)).astype(int).tolist():
+        apart = np.abs(states - states[i]).max(axis=1)
+        apart[max(i - theiler, 0) : i + theiler + 1] = np.inf
+        least = np.partition(apart, NEAREST - 1)[NEAREST - 1]
+        if np.isfinite(least):
+            near = np.flatnonzero(apart <= least)  # of equally near states the earlier ones
+            near = near[np.argsort(apart[near], kind="stable")[:NEAREST]]
+            squares.append((futures[i] - futures[near].mean()) ** 2)
+    return float(np.sqrt(np.mean(squares) / x.var())) if squares else 1.0
 
 
 def partings_gaps(x: Floats, plan: AttractorEstimate, found: Evidence, seed: int) -> list[float]:

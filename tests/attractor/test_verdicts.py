@@ -264,3 +264,12 @@ def test_a_stop_ends_the_choice_of_embeddings():
 
     with pytest.raises(RunStopped):
         choose_embeddings(AttractorAnalysis(henon(400)), {}, poll)
+
+
+@pytest.mark.parametrize(
+    "series",
+    [np.exp(arma(3000, (0.9,), seed=k) / 2) for k in range(2)] + [np.round(10 * sine(300, 0.0731))],
+    ids=["heavy tails", "others", "ties"],
+)
+def test_evidence_of_heavy_tails_and_ties_is_verified(series):
+    assert judgement(series)[0] in Judgement
