@@ -1,5 +1,6 @@
 """What each check of an attractor's estimate accepts: 0.9 of its tolerance, and not 1.1."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,14 +11,18 @@ from check_limits import SCALES, assert_complete, assert_limit, assert_only, pai
 from crosstrack.models.attractor import (
     AttractorAnalysis,
     AttractorEstimate,
+    Evidence,
     Measures,
     Slope,
     Spectrum,
     SurrogateTest,
     model as checks,
 )
+from crosstrack.models.attractor.evidence import SHARE
 from crosstrack.solvers.attractor.measures import permutation_entropy, recurrence
+from crosstrack.solvers.attractor.native import Embedding
 from crosstrack.solvers.attractor.spectrum import tangents
+from crosstrack.solvers.attractor.verdict import gather
 
 TOLERANCE = 1e-6
 CHAOS = [0.3]
@@ -109,6 +114,15 @@ def judged(judgement):
     return case
 
 
+def evident(scale, share):
+    """Return the case of the correlation of the 0-1 test."""
+    found = gather(analysis("chaos", scale), Embedding(1, 1, THEILER), 1, bool)
+    value = off(found.zero_one - SHARE, 1.0, -share)
+    test = SurrogateTest("noise", 39, 39, replace(found, zero_one=value))
+    plan = AttractorEstimate(1, 1, THEILER, surrogates=test)
+    return analysis("chaos", scale).verify(plan, tolerance=TOLERANCE)
+
+
 def spectral(scale, share):
     """Return the case of the only exponent of a map in one coordinate."""
     states = analysis("chaos", 1.0).states(1, 1)
@@ -133,6 +147,7 @@ def measured(name):
 
 
 LIMITS = {
+    "evidence follows from the series": [evident],
     "spectrum is that of the linear maps": [spectral],
     "measures are those of the series": [
         measured("permutation_entropy"),
@@ -236,6 +251,7 @@ def test_the_objective_is_the_mean_error_of_known_figures(fields, objective):
 def test_every_check_is_tested():
     slopes = Slope("rosenstein", 0.0, 0.0, 1, 4), Slope("line", 0.0, 0.0, 0.1, 0.2)
     further = Spectrum((0.0,), (0.0,), 1, 6, 1), Measures(0.25, 4, hurst=0.5)
-    plan = AttractorEstimate(1, 1, 0, *slopes, SurrogateTest("noise", 1, 1), *further)
+    evidence = Evidence(1, 0.5, 0.5, 1.0, 0.0, 1, 0.5)
+    plan = AttractorEstimate(1, 1, 0, *slopes, SurrogateTest("noise", 1, 1, evidence), *further)
     found = analysis("chaos", 1.0).verify(plan)
     assert_complete({"embedding fits", *LIMITS}, [found], checks)
