@@ -173,7 +173,7 @@ class AttractorAnalysis(Model[AttractorEstimate]):
             if slope is not None:
                 checks.append(self._slope_check(name, sample, slope, tolerance))
         if plan.surrogates is not None:
-            checks.append(_judgement_check(plan, tolerance))
+            checks.append(_judgement_check(plan, len(self.series) * self.period, tolerance))
             evidence = plan.surrogates.evidence
             if evidence is not None:
                 gap = evidence_gap(self.series, plan, evidence, self.scene_seeds(1)[0])
@@ -316,11 +316,12 @@ def _check_values(name: str, values: Floats) -> None:
         )
 
 
-def _judgement_check(plan: AttractorEstimate, tolerance: float) -> Check:
+def _judgement_check(plan: AttractorEstimate, duration: float, tolerance: float) -> Check:
     """Check that ranks and evidence support the judgement.
 
-    Chaos and nonlinearity need a rank of 5 %. Chaos needs an exponent above 0 by two deviations and no reason
-    against it, and a regular motion needs neighbours that stay together. Plans without evidence need less.
+    Chaos and nonlinearity need a rank of 5 %. Chaos needs an exponent above 0 by two deviations, a separation
+    of neighbours over the `duration` in seconds, and no reason against it. A regular motion needs neighbours that
+    stay together. Plans without evidence need less.
     """
     result = plan.surrogates
     assert result is not None
@@ -332,8 +333,10 @@ def _judgement_check(plan: AttractorEstimate, tolerance: float) -> Check:
     if result.judgement is Judgement.CHAOTIC:
         slope, least = plan.exponent, 2.0 if evidence is not None else 0.0
         sure = slope is not None and slope.value > least * slope.deviation
-        if not sure or (evidence is not None and (evidence.stays or evidence.refutes)):
-            over = 1.0
+        if evidence is not None and slope is not None:
+            sure = sure and slope.value * duration >= evidence.needed
+            sure = sure and not (evidence.stays or evidence.refutes)
+        over = over if sure else 1.0
     return Check.scaled(
         "judgement follows from the ranks",
         "",

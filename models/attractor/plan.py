@@ -31,6 +31,9 @@ EXACT, LINES = 1e-8, 0.01
 DETERMINED = 0.75
 #: Smallest correlation of the 0-1 test for chaos.
 IRREGULAR = 0.2
+#: Smallest separation of neighbours over a chaotic series in nats: of flows, and of maps or flows with few samples per
+#: period. A strange map without chaos shows up to 56 (1,000 samples).
+NATS, MAP_NATS = 15.0, 80.0
 
 
 class Method(StrEnum):
@@ -156,6 +159,11 @@ class Evidence(Declared):
         together = self.near - self.far <= GROWTH
         close = self.far >= TOGETHER or self.linear <= LINES
         return self.linear <= EXACT or (together and close)
+
+    @property
+    def needed(self) -> float:
+        """Smallest separation of neighbours over the length of a chaotic series, in nats."""
+        return NATS if self.step > 1 else MAP_NATS
 
     @property
     def refutes(self) -> str:

@@ -32,9 +32,8 @@ __all__ = ["Surrogates", "gather", "judge", "linear_error", "zero_one"]
 
 Floats = NDArray[np.float64]
 
-#: Deviations of an exponent above 0 for chaos, and smallest separation of neighbours over the series in nats: of flows,
-#: and of maps or flows with few samples per period. A strange map without chaos shows up to 56 (1,000 samples).
-SURE, NATS, MAP_NATS = 2.0, 15.0, 80.0
+#: Deviations of an exponent above 0 for chaos.
+SURE = 2.0
 #: Deviations of the rank below which a better linear prediction means linear noise.
 CLEAR = 7.0
 #: Orders of autoregressive models, samples per coefficient, and largest number of samples for both predictions.
@@ -144,7 +143,6 @@ def judge(
     `duration` is that of the series in seconds.
     """
     judgement, reason = Judgement.NONLINEAR, evidence.refutes
-    needed = NATS if evidence.step > 1 else MAP_NATS
     # Surrogates of a sharp resonance are slightly less predictable than the noise itself.
     linear = evidence.nonlinear > evidence.linear and ranking.sigmas < CLEAR
     if ranking.jump > 1.0:
@@ -160,10 +158,10 @@ def judge(
         reason = "no positive exponent was found"
     elif exponent.value - SURE * exponent.deviation <= 0:
         reason = f"the exponent {exponent} may be 0"
-    elif exponent.value * duration < needed:
+    elif exponent.value * duration < evidence.needed:
         reason = (
-            f"neighbours part by {exponent.value * duration:.3g} nats over its length: {needed:g} are "
-            "needed to call it chaotic"
+            f"neighbours part by {exponent.value * duration:.3g} nats over its length: "
+            f"{evidence.needed:g} are needed to call it chaotic"
         )
     else:
         judgement = Judgement.CHAOTIC

@@ -273,3 +273,12 @@ def test_a_stop_ends_the_choice_of_embeddings():
 )
 def test_evidence_of_heavy_tails_and_ties_is_verified(series):
     assert judgement(series)[0] in Judgement
+
+
+def test_chaos_of_too_few_nats_is_not_verified():
+    model, answer = analysed("surrogates", henon(400))
+    test = answer.point.surrogates
+    assert test.judgement is Judgement.CHAOTIC and test.evidence.needed == 80.0
+    shorter = AttractorAnalysis(model.series[:150])
+    result = shorter.verify(answer.point)
+    assert "judgement follows from the ranks" in [one.name for one in result.checks if not one.ok]
