@@ -196,7 +196,7 @@ class SurrogateTest(Declared):
     judgement: Judgement = declared(Member(Judgement))
     count: int = declared(Whole(1))
     exceeded: int = declared(Whole(0))
-    evidence: Evidence | None = declared(Optional(Nested(Evidence)), default=None)
+    evidence: Evidence | None = declared(Optional(Nested(Evidence)), added=True, default=None)
 
     def check(self) -> None:
         """Reject `exceeded` above `count`."""

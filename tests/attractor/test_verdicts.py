@@ -11,7 +11,7 @@ from attractor.test_coverage import gopy, ikeda
 
 from crosstrack.errors import InvalidData
 from crosstrack.models import AttractorAnalysis
-from crosstrack.models.attractor import Judgement
+from crosstrack.models.attractor import Judgement, SurrogateTest
 from crosstrack.models.attractor.evidence import (
     linear_error as plain_linear_error,
     zero_one as plain_zero_one,
@@ -282,3 +282,8 @@ def test_chaos_of_too_few_nats_is_not_verified():
     shorter = AttractorAnalysis(model.series[:150])
     result = shorter.verify(answer.point)
     assert "judgement follows from the ranks" in [one.name for one in result.checks if not one.ok]
+
+
+def test_plans_without_evidence_keep_their_json_form():
+    old = {"judgement": "noise", "count": 39, "exceeded": 4}
+    assert SurrogateTest.from_data(old).data() == old
