@@ -10,6 +10,7 @@ from ...errors import InvalidData
 from ..declaration import Declared, Nested, Plan
 from ..fields import NumberTuple, Optional, Real, Whole, declared, show
 from ..records import Member
+from .judgement import Evidence, Judgement, SurrogateTest
 
 __all__ = [
     "AttractorEstimate",
@@ -21,19 +22,6 @@ __all__ = [
     "Spectrum",
     "SurrogateTest",
 ]
-
-#: Nats that neighbours of a regular motion stay nearer than random states, and largest growth of their distance.
-TOGETHER, GROWTH = 1.5, 1.0
-#: Error of a linear prediction that is due to rounding, and of one of a sum of few lines. Noise in a narrow band has
-#: errors from 5e-7.
-EXACT, LINES = 1e-8, 0.01
-#: Largest ratio of errors of a deterministic motion.
-DETERMINED = 0.75
-#: Smallest correlation of the 0-1 test for chaos.
-IRREGULAR = 0.2
-#: Smallest separation of neighbours over a chaotic series in nats: of flows, and of maps or flows with few samples per
-#: period. A strange map without chaos shows up to 56 (1,000 samples).
-NATS, MAP_NATS = 15.0, 80.0
 
 
 class Method(StrEnum):
@@ -54,19 +42,6 @@ class Method(StrEnum):
     def is_exponent(self) -> bool:
         """Whether the slope is an exponent; otherwise it is a correlation dimension."""
         return self in (Method.ROSENSTEIN, Method.KANTZ)
-
-
-class Judgement(StrEnum):
-    """Result of the tests of a series. A positive exponent alone never implies chaos."""
-
-    #: Linear noise is rejected, and nearby states part exponentially.
-    CHAOTIC = "chaotic"
-    #: Linear noise is rejected, but neither a regular nor a chaotic motion is shown: undecided.
-    NONLINEAR = "nonlinear"
-    #: Linear noise explains the series as well.
-    NOISE = "noise"
-    #: Periodic or quasi-periodic: nearby states stay together.
-    REGULAR = "regular"
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,99 +94,6 @@ class Slope(Declared):
 
     def __str__(self) -> str:
         return f"{self.value:.4g} ± {self.deviation:.2g}"
-
-
-@dataclass(frozen=True, eq=False)
-class Evidence(Declared):
-    """Figures of a series that separate noise, regular and chaotic motion.
-
-    Parameters
-    ----------
-    ahead : int
-        Samples ahead of both predictions, >= 1.
-    linear, nonlinear : float
-        Root mean square errors of predicting by the best autoregressive model and by the nearest five states,
-        in standard deviations of the series.
-    near, far : float
-        Mean logarithm of the distance of random states over that of nearest neighbours, at first and later than a
-        sixth of the series, in nats.
-    step : int
-        Samples per sample of the 0-1 test, >= 1.
-    zero_one : float
-        Median correlation K of the 0-1 test (Gottwald and Melbourne 2009): 0 for regular motion, 1 for chaos
-        and for noise.
-    """
-
-    ahead: int = declared(Whole(1))
-    linear: float = declared(Real(lower=0))
-    nonlinear: float = declared(Real(lower=0))
-    near: float = declared(Real())
-    far: float = declared(Real())
-    step: int = declared(Whole(1))
-    zero_one: float = declared(Real(lower=-1.0, upper=1.0))
-
-    @property
-    def stays(self) -> bool:
-        """Whether the motion is regular: a short linear recursion is exact, or neighbours do not part.
-
-        They must be near or nearly follow a linear recursion. So does noise in a narrow band, but its neighbours part.
-        """
-        together = self.near - self.far <= GROWTH
-        close = self.far >= TOGETHER or self.linear <= LINES
-        return self.linear <= EXACT or (together and close)
-
-    @property
-    def needed(self) -> float:
-        """Smallest separation of neighbours over the length of a chaotic series, in nats."""
-        return NATS if self.step > 1 else MAP_NATS
-
-    @property
-    def refutes(self) -> str:
-        """Reason against chaos, or an empty text."""
-        if self.nonlinear > DETERMINED * self.linear:
-            return "the nearest states do not predict clearly better than a linear model"
-        if self.far >= TOGETHER:
-            return "neighbours have not parted within a third of the series"
-        if self.zero_one < IRREGULAR:
-            return f"the 0-1 test gives {self.zero_one:.2g}"
-        return ""
-
-
-@dataclass(frozen=True, eq=False)
-class SurrogateTest(Declared):
-    """Test of a series against surrogates that are linear noise.
-
-    Parameters
-    ----------
-    judgement : Judgement
-        Result of the test.
-    count : int
-        Number of surrogates.
-    exceeded : int
-        Number of surrogates that are at least as predictable as the series.
-    evidence : Evidence, optional
-        Further figures that the judgement follows from.
-    """
-
-    judgement: Judgement = declared(Member(Judgement))
-    count: int = declared(Whole(1))
-    exceeded: int = declared(Whole(0))
-    evidence: Evidence | None = declared(Optional(Nested(Evidence)), added=True, default=None)
-
-    def check(self) -> None:
-        """Reject `exceeded` above `count`."""
-        if self.exceeded > self.count:
-            raise InvalidData(
-                f"exceeded must be <= count = {self.count}, got {self.exceeded}", field="exceeded"
-            )
-
-    @property
-    def p_value(self) -> float:
-        """Probability of a rank at least as extreme by chance."""
-        return (1 + self.exceeded) / (1 + self.count)
-
-    def __str__(self) -> str:
-        return f"{self.judgement} (p = {self.p_value:.3g})"
 
 
 @dataclass(frozen=True, eq=False)
