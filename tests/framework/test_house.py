@@ -166,7 +166,13 @@ GOALS = {
 #: Problems above their ceiling: the limit in force, and what the lines above the goal are. Docstrings and
 #: blank lines are 36 % of the package; a search for unused names finds none.
 EXCEPTIONS = {
-    "attractor": (5600, "13 estimators with uncertainties, calibrated systems and hunts"),
+    "attractor": (
+        6960,
+        (
+            "15 estimators with uncertainties, calibrated systems and hunts; verdicts, spectra and measures with their own "
+            "recomputation have about 1,400"
+        ),
+    ),
     "fleet": (
         11_430,
         (
@@ -197,7 +203,17 @@ EXCEPTIONS = {
             "scenarios, flights, arcs, algebraic equations, estimation, convexity and prepared steps were added"
         ),
     ),
-    "unknown_grid": (6190, "six trained networks have 1,761 lines, the camera 500"),
+    "sideslip": (
+        6370,
+        "the filter of spins has 400 lines, estimation in the loop 480, identification 300, tyre laws and the tyre curve 250",
+    ),
+    "unknown_grid": (
+        7440,
+        (
+            "six trained networks have 1,680 lines, the camera 500; neighbours, occlusion, noise, moving obstacles and "
+            "exploration 950, vector environments and batches 450"
+        ),
+    ),
 }
 
 
@@ -226,8 +242,9 @@ def test_problems_keep_their_ceilings(checkout):
 def test_the_package_keeps_its_ceiling(checkout):
     """The goal is 98,000 lines; each reduction lowers the ceiling. Programs of users have about 7,000, and files of
     users, pages of plans and animations about 5,500, flights 4,500, vehicles, gates and
-    shared space 5,600, and rich fleets, column generation, constrained routes and prepared maps 7,000."""
+    shared space 5,600, and rich fleets, column generation, constrained routes and prepared maps 7,000, and verdicts, filters,
+    identification and unknown grids with their aspects 4,200."""
     rooms = ("models", "solvers", "instances", "cli")
     files = [path for room in rooms for path in (checkout / room).rglob("*.py")]
     files += checkout.glob("*.py")
-    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 152_830
+    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 157_100
