@@ -355,7 +355,9 @@ def test_bad_input_names_field_and_value():
         with pytest.raises(UnsupportedOption, match=f"weights and radius.*{next(iter(options))}"):
             ct.prepare(GridMap([".."]), **options)
     for bad in ([".."], np.zeros((2, 2)), None):
-        with pytest.raises(InvalidData, match="grid maps and sideslip models: model must be a Model"):
+        with pytest.raises(
+            InvalidData, match="grid maps and sideslip models: model must be a Model"
+        ):
             ct.prepare(bad)
 
 
