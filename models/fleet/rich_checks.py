@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 
 class _Row(NamedTuple):
-    """One place of a rule: the value, its limit, the scale of the tolerance, and where it applies."""
+    """One place of a rule: the value, its limit, the scale of the tolerance, and its place in the plan."""
 
     value: float
     limit: float

@@ -155,7 +155,7 @@ def test_memory_beside_nolds():
         pytest.skip("the comparison needs nolds")
     # nolds looks up its files by the name of a module, but Python 3.11 requires a package.
     with mock.patch("importlib.resources.files", return_value=Path(spec.origin).parent):
-        nolds = pytest.importorskip("nolds")
+        nolds = pytest.importorskip("nolds", reason="the comparison needs nolds")
     for seed, series in enumerate((noise(3000), np.cumsum(noise(3000)), henon(3000))):
         ours = memory(standardised(series))
         sizes = window_sizes(len(series))

@@ -422,7 +422,9 @@ def test_the_first_search_has_one_second_of_a_short_limit(
     limit, least, monkeypatch, in_this_process
 ):
     """A tenth of 1 s gave a longest route of 238.7 instead of 220.8."""
-    pytest.importorskip("pyvrp")
+    pytest.importorskip(
+        "pyvrp", reason="the first search of the backend needs PyVRP, which is an extra"
+    )
     granted = []
 
     def record(self, problem, request):

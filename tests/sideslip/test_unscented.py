@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from pictures import artists, legend, panels
+from sideslip import two_track
 from sideslip.drives import estimate, kinematic
 from sideslip.filters import GRIPPING, VEHICLE, drawn
 from sideslip.spins import driven, marked, steered
@@ -251,8 +252,7 @@ def test_held_out_spins_are_followed_within_the_claim():
 
 
 def test_a_spin_of_a_vehicle_with_four_wheels_is_followed():
-    tracks = pytest.importorskip("sideslip.two_track", reason="the simulator is not here")
-    drive, car = tracks.drive("spin"), tracks.CAR
+    drive, car = two_track.drive("spin"), two_track.CAR
     sizes = car.mass, car.inertia, car.front, car.rear, *(2 * part for part in car.stiffness)
     for tyre in ("linear", "saturating"):
         vehicle = Vehicle(*sizes, friction=0.95, tyre=tyre)

@@ -101,14 +101,6 @@ def filterpy_ukf(model: SideslipEstimation) -> tuple[float, float]:
     return float(np.degrees(off[on].mean())), float((off <= 2 * deviations)[on].mean())
 
 
-def has(name: str) -> bool:
-    try:
-        find_backend(name)
-    except Exception:
-        return False
-    return True
-
-
 def store(
     table: str, head: str, columns: dict[str, str], rows: Iterable[Any], said: str, *more: str
 ) -> None:
@@ -137,10 +129,9 @@ def scenarios() -> None:
         columns[f"{label}, Magic Formula"] = lambda at, seed, name=name: answer(
             problem(at, seed, LOADED), name
         )
-    if has("unscented-filter"):
-        columns["unscented-filter"] = lambda at, seed: answer(
-            problem(at, seed, LINEAR), "unscented-filter"
-        )
+    columns["unscented-filter"] = lambda at, seed: answer(
+        problem(at, seed, LINEAR), "unscented-filter"
+    )
     if find_spec("filterpy") is not None:
         columns["filterpy UKF, brush"] = lambda at, seed: filterpy_ukf(problem(at, seed, BRUSH))
     columns["kalman-grnn before"] = lambda at, seed: grnn(problem(at, seed, LINEAR, True), 0.0)

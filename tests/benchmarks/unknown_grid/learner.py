@@ -63,10 +63,10 @@ class Adapted(VecEnv):
         return [getattr(self.env, name, None)] * self.num_envs
 
     def set_attr(self, name, value, indices=None):
-        raise NotImplementedError
+        setattr(self.env, name, value)
 
     def env_method(self, name, *args, indices=None, **kwargs):
-        raise NotImplementedError
+        return [getattr(self.env, name)(*args, **kwargs)] * self.num_envs
 
     def env_is_wrapped(self, wrapper_class, indices=None):
         return [False] * self.num_envs
