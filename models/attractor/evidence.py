@@ -14,8 +14,8 @@ __all__ = ["evidence_gap"]
 
 Floats = NDArray[np.float64]
 
-#: Smallest and largest number of samples, and frequencies of the 0-1 test.
-FEWEST, MOST, FREQUENCIES = 100, 1500, 48
+#: Samples per mean period, smallest and largest number of samples, and frequencies of the 0-1 test.
+PER_PERIOD, FEWEST, MOST, FREQUENCIES = 8, 100, 1500, 48
 #: Orders of linear models, samples per coefficient and of predictions.
 ORDERS, PER_COEFFICIENT, LEADING = (2, 5, 10, 20, 40), 20, 10_000
 #: Nearest states of a prediction, number of predicted states, dimension above which fewer are predicted, their number,
@@ -30,11 +30,13 @@ SHARE, NATS, ERRORS = 1e-6, 0.15, 5.0
 def evidence_gap(series: Floats, plan: AttractorEstimate, found: Evidence, seed: int) -> float:
     """Return the largest difference of a figure from the recomputed one beyond its allowance, 0 if all agree.
 
-    It is infinite if the samples of the 0-1 test are too few.
+    It is infinite if the step of the 0-1 test is not that of the mean period.
     """
-    if found.step > max(len(series) // FEWEST, 1):
-        return math.inf
     x = standard(series)
+    power = np.abs(np.fft.rfft(x)) ** 2
+    step = power.sum() / (power @ np.fft.rfftfreq(len(x))) / PER_PERIOD
+    if abs(found.step - min(max(step, 1.0), max(len(x) // FEWEST, 1))) > 0.5 + SHARE:
+        return math.inf
     return max(
         0.0,
         abs(found.zero_one - zero_one(x, found.step)) - SHARE,

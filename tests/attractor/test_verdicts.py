@@ -258,6 +258,17 @@ def test_evidence_of_other_samples_is_not_verified(embedding, change):
     assert "evidence follows from the series" in [one.name for one in result.checks if not one.ok]
 
 
+@pytest.mark.parametrize(("series", "step"), [(henon(400), 2), (sine(400), 1)])
+def test_another_step_of_the_0_1_test_is_not_verified(series, step):
+    """The step is that of the mean period, and selects the separation that chaos needs."""
+    model, answer = analysed("surrogates", series)
+    test = answer.point.surrogates
+    assert test.evidence.step != step
+    other = replace(test.evidence, step=step, zero_one=zero_one(series, step))
+    result = model.verify(replace(answer.point, surrogates=replace(test, evidence=other)))
+    assert "evidence follows from the series" in [one.name for one in result.checks if not one.ok]
+
+
 def test_a_stop_ends_the_choice_of_embeddings():
     def poll():
         raise RunStopped
