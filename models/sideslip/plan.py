@@ -30,7 +30,7 @@ class SideslipEstimate(Plan):
         Standard deviation claimed by the estimator, in radians, >= 0.
     grip_lost : tuple of (begin, end)
         Time ranges in seconds, in order, while an axle slides and more slip would add no force. They are estimated by
-        ``unscented-filter`` and empty for other backends. Sensors that fail may cause false ones.
+        ``unscented-filter`` and empty for other backends. A sensor that fails for several samples may cause false ones.
     """
 
     sideslip: Floats = declared(Array(("n",)))

@@ -93,7 +93,7 @@ class OnlineFilter:
             )
         else:
             *constants, initial = setting_of(model)
-            arrays = [np.zeros(shape) for shape in (1, 1, 1, 2, (2, SIZE), (2, SIZE, SIZE), 2)]
+            arrays = [np.zeros(shape) for shape in (1, 1, 1, 2, (2, SIZE), (2, SIZE, SIZE), 2, 2)]
             self._start = Cloud._make(
                 [*arrays, *constants, initial[:, 0].copy(), np.diag(initial[:, 1])]
             )

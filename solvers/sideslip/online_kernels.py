@@ -32,7 +32,7 @@ Pair = namedtuple(
 Pair.__doc__ = "Arguments of the filter's kernels for two samples, the one before and the new one."
 Cloud = namedtuple(
     "Cloud",
-    "times speed steering data filtered root sums vehicle loads noise drift initial begin",
+    "times speed steering data filtered root sums rejected vehicle loads noise drift initial begin",
 )
 Cloud.__doc__ = "Arguments of the unscented filter; `begin` is the root of the initial covariance."
 Track = namedtuple(
@@ -119,12 +119,12 @@ def unscented_sample(
     cloud.data[1] = acceleration if moving else math.nan
     square, count = 0.0, 0.0
     if first:
-        cloud.sums[:] = 0.0
+        cloud.sums[:] = cloud.rejected[:] = 0.0
         before = time
     else:
         square, count = unscented_step(
             x[0], root[0], cloud.data, time - before, u, speed - u, delta, steering - delta,
-            cloud.vehicle, cloud.loads, cloud.noise, cloud.drift, x[1], root[1],
+            cloud.vehicle, cloud.loads, cloud.noise, cloud.drift, cloud.rejected, x[1], root[1],
         )  # fmt: skip
         size = 0.0
         for j in range(x.shape[1]):
@@ -132,7 +132,7 @@ def unscented_sample(
     if not (size < math.inf and root[1, 0, 0] < most):
         square, count = unscented_step(
             cloud.initial, cloud.begin, cloud.data, 0.0, speed, 0.0, steering, 0.0,
-            cloud.vehicle, cloud.loads, cloud.noise, cloud.drift, x[1], root[1],
+            cloud.vehicle, cloud.loads, cloud.noise, cloud.drift, cloud.rejected, x[1], root[1],
         )  # fmt: skip
     share = math.exp((before - time) / MEMORY)
     cloud.times[0], cloud.speed[0], cloud.steering[0] = time, speed, steering

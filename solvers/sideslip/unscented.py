@@ -15,11 +15,11 @@ from ...models.sideslip.data import Tyre
 from ...models.sideslip.dynamics import parameters
 from ...models.sideslip.model import SideslipEstimation
 from ..contract.backend import Request
-from .gates import intervals
+from .gates import intervals, time_ranges
 from .mismatch import fade
 from .native import UNKNOWN, Estimate, SideslipBackend
 from .passes import measurements, noise_variances
-from .unscented_kernels import SIZE, unscented_path
+from .unscented_kernels import GATE, SIZE, unscented_path
 
 __all__ = ["UnscentedFilter", "setting_of"]
 
@@ -81,7 +81,15 @@ class UnscentedFilter(SideslipBackend):
         deviation = np.abs(roots[:, 0, 0]) * np.sqrt(scale)
         statistics = dict(zip(DRIFT, states[-1, 2:].tolist(), strict=True))
         statistics |= {"restarts": lost} if lost else {}
+        missing = np.where(drive.moving, 2.0, 0.0) - innovations[:, 1]
+        message = ""
+        if missing.any():
+            statistics["spikes"] = int(missing.sum())
+            message = (
+                f"measurements at {time_ranges(drive, missing > 0)} were treated as missing ({missing.sum():.0f} values), because "
+                f"they differ by more than {GATE:g} deviations from the prediction: check the sensors and the noises"
+            )
         slides &= drive.moving
         gap = max(JOINED, 1.5 * drive.period)
         events = intervals(drive.times, slides, gap) if slides.any() else ()
-        return Estimate(states[:, 0], deviation, statistics, grip_lost=events)
+        return Estimate(states[:, 0], deviation, statistics, message, grip_lost=events)

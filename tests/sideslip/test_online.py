@@ -35,6 +35,16 @@ def followed(estimator, rows):
     return np.array([estimator.update(row) for row in rows])
 
 
+def spiky():
+    """Return a spin with spikes of one to four samples."""
+    model = spinning()
+    drive = {name: getattr(model.recording, name).copy() for name in COLUMNS}
+    for k, count in ((30, 1), (60, 2), (100, 4)):
+        drive["lateral_acceleration"][k : k + count] += 40.0
+        drive["yaw_rate"][k + 10 : k + 10 + count] -= 5.0
+    return dataclasses.replace(model, recording=type(model.recording)(**drive))
+
+
 MODELS = [drawn(0, VEHICLE, n=200), drawn(1, GRIPPING, n=200), simulated(0, n=400), spinning()]
 
 
@@ -57,7 +67,9 @@ def test_all_numbers_are_those_of_the_backend(model, room, monkeypatch):
     assert np.count_nonzero(contradiction) == contradicted
 
 
-@pytest.mark.parametrize("model", MODELS, ids=["linear", "brush", "clean", "spin"])
+@pytest.mark.parametrize(
+    "model", [*MODELS, spiky()], ids=["linear", "brush", "clean", "spin", "spikes"]
+)
 def test_the_unscented_filter_is_that_of_the_backend(model):
     estimator = ct.prepare(model, "unscented-filter", history=0.2)
     angle, deviation, _, slides = followed(estimator, samples(model)).T

@@ -221,7 +221,7 @@ def test_a_missing_measurement_is_not_used():
     out = np.empty((3, SIZE)), np.empty((3, SIZE, SIZE))
 
     def step(k, z, noise):
-        rest = (*setting[:2], noise, setting[3], out[0][k], out[1][k])
+        rest = (*setting[:2], noise, setting[3], np.zeros(2), out[0][k], out[1][k])
         return kernels.unscented_step(x, root, np.array(z), *common, *rest)
 
     vague = setting[2] * [1, 1, 1, 1e20]
@@ -279,6 +279,41 @@ def test_the_time_at_which_grip_is_lost_is_found():
 @pytest.mark.parametrize("instance", ["lane-change", "serpentine", "limit", "stop-and-go", "ice"])
 def test_grip_is_not_lost_on_a_calm_drive(instance):
     assert run(ct.load(f"sideslip/{instance}")).point.grip_lost == ()
+
+
+SPIKES = {"lateral_acceleration": (5.0, 20.0, -50.0, 100.0), "yaw_rate": (0.3, -1.0, 3.0, 20.0)}
+
+
+def spiked(model, field, size, first, count=1):
+    """Return the model with `size` added to `count` samples of a measurement."""
+    values = getattr(model.recording, field).copy()
+    values[first : first + count] += size
+    return dataclasses.replace(
+        model, recording=dataclasses.replace(model.recording, **{field: values})
+    )
+
+
+@pytest.mark.parametrize("instance", ["lane-change", "serpentine", "limit", "stop-and-go", "ice"])
+def test_a_spike_is_treated_as_missing(instance):
+    model = ct.load(f"sideslip/{instance}")
+    moving = np.flatnonzero(model.recording.moving)
+    for field, sizes in SPIKES.items():
+        for k in moving[np.linspace(1, len(moving) - 1, 7).astype(int)]:
+            for size in sizes:
+                wrong = spiked(model, field, size, k)
+                answer = run(wrong)
+                assert answer.point.grip_lost == ()
+                off = np.abs(answer.point.sideslip - model.truth)[model.recording.moving]
+                assert np.degrees(off.max()) < 1.0, (field, k, size)
+                if abs(size) >= (20.0 if field == "lateral_acceleration" else 1.0):
+                    assert answer.statistics["spikes"] == 1
+                    assert f"measurements at {model.recording.times[k]:.6g} s" in answer.message
+
+
+def test_a_jump_is_followed_after_two_samples():
+    model = ct.load("sideslip/lane-change")
+    used = path(spiked(model, "yaw_rate", 1.0, 100, count=200))[2][:, 1]
+    assert used[98:104].tolist() == [2, 2, 1, 1, 2, 2]
 
 
 def test_grip_lost_is_part_of_the_plan():
