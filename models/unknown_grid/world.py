@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ...jit import OutOfTime
 from ..fields import show
 from .camera import PIXELS
 from .moving import meets, obstacle_tracks
@@ -133,14 +134,30 @@ class World:
         ------
         InvalidData
             The shape, a scene or an action is invalid, or the run of the scene has ended.
+        OutOfTime
+            The time limit of the run is reached. The steps without an answer are not executed.
         """
         scenes, actions = self._read(questions).T
         if len(scenes) > 1 and (scenes[1:] <= scenes[:-1]).any():
             return np.concatenate([self(row[None]) for row in questions])
         acts = actions != LOOK
-        if acts.any():
-            self._act(scenes[acts], actions[acts])
-        return self._answer(scenes)
+        parts = (
+            self.states,
+            self.positions,
+            self.taken,
+            self.collisions,
+            self._centres,
+            self._hovers,
+        )
+        former = [part[scenes] for part in parts]
+        try:
+            if acts.any():
+                self._act(scenes[acts], actions[acts])
+            return self._answer(scenes)
+        except OutOfTime:
+            for part, values in zip(parts, former, strict=True):
+                part[scenes] = values
+            raise
 
     def state(self, scene: int) -> int:
         """Return the state of a scene's run: ``GOING``, ``REACHED`` or ``OUT_OF_STEPS``."""

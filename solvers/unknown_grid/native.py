@@ -98,7 +98,7 @@ class NavigationBackend(Backend):
                 run.lead(self.policy(problem, scenes, request), scenes)
                 if request.control.stopped:
                     break
-        except OutOfTime:  # during a decision: all earlier actions were executed
+        except OutOfTime:  # during a decision or a question
             limit = Limit.TIME
         plan = NavigationRuns(tuple(map("".join, run.actions)), tuple(run.outcomes))
         seconds = {"solve": clock() - begin}
@@ -137,7 +137,11 @@ class _Run:
         """Apply `policy` until all of `scenes` have ended or the run is stopped."""
         chosen = np.full(len(scenes), LOOK)
         while len(scenes) and not self.request.control.stopped:
-            looks = self._look(scenes, chosen)
+            try:
+                looks = self._look(scenes, chosen)
+            except OutOfTime:
+                self._discard(scenes)
+                raise
             going = looks.states == GOING
             if not going.all():
                 for row in np.flatnonzero(~going).tolist():
@@ -160,9 +164,13 @@ class _Run:
                 scenes, chosen = scenes[acts], chosen[acts]
             for scene, action in zip(scenes.tolist(), chosen.tolist(), strict=True):
                 self.actions[scene].append(LETTERS[action])
-        if self.request.control.stopped:  # the last actions were not executed
-            for scene in scenes.tolist():
-                del self.actions[scene][-1:]
+        if self.request.control.stopped:
+            self._discard(scenes)
+
+    def _discard(self, scenes: Ints) -> None:
+        """Remove the last actions of `scenes`, which were not executed."""
+        for scene in scenes.tolist():
+            del self.actions[scene][-1:]
 
     def _look(self, scenes: Ints, chosen: Ints) -> Looks:
         questions = np.empty((len(scenes), 2))

@@ -18,7 +18,7 @@ from crosstrack.errors import HiddenData, InvalidData, UnsupportedOption
 from crosstrack.instances.unknown_grid import draw_scenes, maze
 from crosstrack.jit import OutOfTime
 from crosstrack.models import UnknownGridNavigation
-from crosstrack.models.unknown_grid import NavigationRuns, World
+from crosstrack.models.unknown_grid import NavigationRuns, World, world
 from crosstrack.solvers import Answer, Termination, find_backend, register_backend
 from crosstrack.solvers.contract import registry
 from crosstrack.solvers.contract.registry import shares_process
@@ -217,6 +217,24 @@ def test_a_run_out_of_time_keeps_its_executed_actions(monkeypatch):
     found = ct.solve(model, "a-star-replanning")
     assert found.limit == "time" and found.verification.ok
     assert found.plan.actions == ("RR",) and found.plan.outcomes == ("gave up",)
+
+
+@pytest.mark.parametrize("last", [0, 1, 2])
+def test_a_run_whose_simulator_is_out_of_time_is_verified(last, monkeypatch):
+    """The line of sight is a kernel, too."""
+    model = UnknownGridNavigation.drawn(["S.T", "..."], ["S..", "..T"], view=(3, 3), occlusion=True)
+    sense = world.sense
+
+    def late(model, tracks, scenes, taken, *further):
+        if (taken > last).any():
+            raise OutOfTime
+        return sense(model, tracks, scenes, taken, *further)
+
+    monkeypatch.setattr(world, "sense", late)
+    found = ct.solve(model, "d-star-lite")
+    assert found.termination == "feasible", found.message
+    assert found.plan.actions[1] == "DRR"[:last] and found.plan.outcomes[1] == "gave up"
+    assert found.limit == "time"
 
 
 @pytest.mark.usefixtures("compiled")
