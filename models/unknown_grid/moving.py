@@ -150,11 +150,11 @@ def spread_in_time(
     return -1
 
 
-def fewest_run(model: Scenes, scene: int, tracks: Ints) -> str | None:
+def fewest_run(model: Scenes, scene: int, tracks: Ints | None = None) -> str | None:
     """Return the actions of a run with the fewest steps, and the fewest collisions of these, or None.
 
     With moving obstacles, the search covers all cells after each number of steps up to the limit on the steps.
-    `tracks` are those of the scene, shape (moving, steps + 1, 2).
+    `tracks` are those of the scene, shape (moving, steps + 1, 2). None ignores the moving obstacles.
     """
     walls = np.pad(model.blocked[scene], 1, constant_values=True).astype(np.uint8)
     width, sides, flat = walls.shape[1], list(Corners).index(model.corners), walls.reshape(-1)
@@ -162,7 +162,7 @@ def fewest_run(model: Scenes, scene: int, tracks: Ints) -> str | None:
     moves = np.array(MOVES)[actions] @ [width, 1]
     cell, target = (int((end[scene] + 1) @ [width, 1]) for end in (model.starts, model.targets))
     letters = []
-    if not model.moving:
+    if tracks is None or not model.moving:
         steps = spread(flat, width, moves, sides, np.array([target]))
         if steps[cell] == FAR:
             return None

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...jit import clock
-from ...models.unknown_grid.checks import has_way
 from ...models.unknown_grid.model import UnknownGridNavigation
+from ...models.unknown_grid.moving import fewest_run
 from ...models.unknown_grid.plan import NavigationRuns, Outcome
 from ...models.unknown_grid.scenes import Aspect, aspects_of
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
@@ -40,10 +40,9 @@ class Oracle(Backend):
             if request.control.stopped:
                 return Answer(Termination.NO_SOLUTION, request.control.reason)
             letters, outcome, cost = "", Outcome.GAVE_UP, problem.steps + 1.0
-            ends = tuple(problem.starts[k].tolist()), tuple(problem.targets[k].tolist())
             if run is not None and len(run) <= problem.steps:
                 letters, outcome, cost = run, Outcome.REACHED, len(run)
-            elif run is None and not has_way(problem.blocked[k], *ends, problem.corners):
+            elif run is None and (not problem.moving or fewest_run(problem, k) is None):
                 outcome, cost = Outcome.NO_WAY, 0.0
             actions.append(letters)
             outcomes.append(outcome)
