@@ -52,7 +52,9 @@ def replay(
 
     row, column = start
     positions, collided = [(row, column)], []
-    others: list[list[tuple[int, int]]] = [] if tracks is None else tracks.tolist()
+    others: list[list[tuple[int, int]]] = (
+        [] if tracks is None else tracks[:, : len(actions) + 1].tolist()
+    )
     for step, letter in enumerate(actions, start=1):
         down, across = _MOVES[letter]
         next_row, next_column = row + down, column + across

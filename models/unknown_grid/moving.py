@@ -44,19 +44,27 @@ def obstacle_tracks(model: Scenes) -> Ints:
     cells = np.zeros((count, model.moving, steps + 1, 2), np.int64)
     if not model.moving:
         return cells
-    draws = np.empty((count, model.moving, steps), np.int64)
+    draws = np.empty((steps, count, model.moving), np.int64)
     for k in range(count):
         stream = np.random.default_rng(np.random.SeedSequence(model.world_seed, spawn_key=(k,)))
         free = np.argwhere(~blocked[k])
         free = free[(free != model.starts[k]).any(axis=1)]
         cells[k, :, 0] = free[stream.integers(0, len(free), model.moving)]
-        draws[k] = stream.integers(0, 5, (model.moving, steps))
-    moves, scenes = np.array([*MOVES[:4], MOVES[8]]), np.arange(count)[:, None]
+        draws[:, k] = stream.integers(0, 5, (model.moving, steps)).T
     walls = np.pad(blocked, ((0, 0), (1, 1), (1, 1)), constant_values=True)
+    # Numbers of the cells in all padded maps, so that a step takes three operations.
+    size = walls.shape
+    moves = np.array([*MOVES[:4], MOVES[8]]) @ [size[2], 1]
+    at = np.ravel_multi_index(
+        (np.arange(count)[:, None], *(cells[:, :, 0] + 1).transpose(2, 0, 1)), size
+    )
+    flat, numbers = walls.reshape(-1), moves[draws]
     for t in range(steps):
-        to = cells[:, :, t] + moves[draws[:, :, t]]
-        stays = walls[scenes, to[..., 0] + 1, to[..., 1] + 1]
-        cells[:, :, t + 1] = np.where(stays[..., None], cells[:, :, t], to)
+        to = at + numbers[t]
+        numbers[t] = at = np.where(flat[to], at, to)
+    cells[:, :, 1:] = (
+        np.stack(np.unravel_index(numbers, size)[1:], axis=-1).transpose(1, 2, 0, 3) - 1
+    )
     return cells
 
 

@@ -26,7 +26,7 @@ __all__ = [
     "check_aspects",
 ]
 
-#: Maximum number of cells of all maps together, of steps of all random walks together, and of rows and columns
+#: Maximum number of cells of all maps together, of steps of all moving obstacles together, and of rows and columns
 #: of a view with occlusion.
 MOST, MOST_WALKED, MOST_SIGHT = 2**26, 10**6, 255
 
@@ -139,7 +139,7 @@ def check_aspects(model: Scenes) -> None:
         fail("view", f"be at most {MOST_SIGHT} cells with occlusion", model.view.tolist())
     if model.tracks is not None:
         _check_tracks(model, fail)
-    elif model.moving and len(model.starts) * model.moving * model.steps > MOST_WALKED:
+    if model.moving and len(model.starts) * model.moving * model.steps > MOST_WALKED:
         fail("moving", f"be at most {MOST_WALKED} / (scenes · steps)", model.moving)
     if model.moving and model.shape.prod() * model.steps > MOST:
         fail("steps", f"be at most {MOST} / cells of a map with moving obstacles", model.steps)

@@ -268,6 +268,7 @@ def test_the_target_is_hidden_until_it_is_seen():
         ({"moving": 1.5}, "moving must be"),
         ({"moving": 900, "steps": 10**6}, "moving must be at most 1000000 / .scenes · steps., got 900"),
         ({"moving": 1, "tracks": [[[[4, 3]]]], "steps": 10**6 * 3}, "steps must be"),
+        ({"moving": 3, "tracks": [[[[4, 3]]] * 3], "steps": 4 * 10**5}, "moving must be at most 1000000 / .*got 3"),
         ({"tracks": [[[[0, 1]]]]}, "moving must be the number of tracks per scene, 1, .*got 0"),
         ({"moving": 2, "tracks": [[[[0, 1]]]]}, "moving must be the number of tracks per scene, 1, .*got 2"),
         ({"moving": 1, "tracks": [[[[0, 5]]]]}, r"tracks\[0\]\[0\]\[0\] must be on the map, got \[0, 5\]"),
