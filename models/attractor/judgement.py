@@ -19,6 +19,10 @@ TOGETHER, GROWTH = 1.5, 1.0
 EXACT, LINES = 1e-8, 0.01
 #: Largest ratio of errors of a deterministic motion.
 DETERMINED = 0.75
+#: Ratio of errors above which the prediction is unclear. Deviations by which the exponent of a chaotic series exceeds 0:
+#: then, of maps or flows with few samples per period, and of other flows. Noise that drives a nonlinear system without
+#: chaos has ratios from 0.46, or a map with an exponent above 0 by at most 2.6 deviations.
+UNCLEAR, DEVIATIONS, MAP_DEVIATIONS, FLOW_DEVIATIONS = 0.45, 4.0, 3.0, 2.0
 #: Smallest correlation of the 0-1 test for chaos.
 IRREGULAR = 0.2
 #: Smallest separation of neighbours over a chaotic series in nats: of flows, and of maps or flows with few samples per
@@ -82,6 +86,13 @@ class Evidence(Declared):
     def needed(self) -> float:
         """Smallest separation of neighbours over the length of a chaotic series, in nats."""
         return NATS if self.step > 1 else MAP_NATS
+
+    @property
+    def deviations(self) -> float:
+        """Smallest number of deviations by which the exponent of a chaotic series exceeds 0."""
+        if self.nonlinear > UNCLEAR * self.linear:
+            return DEVIATIONS
+        return FLOW_DEVIATIONS if self.step > 1 else MAP_DEVIATIONS
 
     @property
     def refutes(self) -> str:

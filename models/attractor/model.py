@@ -319,7 +319,7 @@ def _check_values(name: str, values: Floats) -> None:
 def _judgement_check(plan: AttractorEstimate, duration: float, tolerance: float) -> Check:
     """Check that ranks and evidence support the judgement.
 
-    Chaos and nonlinearity need a rank of 5 %. Chaos needs an exponent above 0 by two deviations, a separation
+    Chaos and nonlinearity need a rank of 5 %. Chaos needs an exponent clearly above 0, a separation
     of neighbours over the `duration` in seconds, and no reason against it. A regular motion needs neighbours that
     stay together. Plans without evidence need less.
     """
@@ -331,7 +331,7 @@ def _judgement_check(plan: AttractorEstimate, duration: float, tolerance: float)
     elif result.judgement is not Judgement.NOISE:
         over = max(result.p_value - 0.05, 0.0)
     if result.judgement is Judgement.CHAOTIC:
-        slope, least = plan.exponent, 2.0 if evidence is not None else 0.0
+        slope, least = plan.exponent, 0.0 if evidence is None else evidence.deviations
         sure = slope is not None and slope.value > least * slope.deviation
         if evidence is not None and slope is not None:
             sure = sure and slope.value * duration >= evidence.needed

@@ -32,8 +32,6 @@ __all__ = ["Surrogates", "gather", "judge", "linear_error", "zero_one"]
 
 Floats = NDArray[np.float64]
 
-#: Deviations of an exponent above 0 for chaos.
-SURE = 2.0
 #: Deviations of the rank below which a better linear prediction means linear noise.
 CLEAR = 7.0
 #: Orders of autoregressive models, samples per coefficient, and largest number of samples for both predictions.
@@ -156,8 +154,8 @@ def judge(
         pass
     elif exponent is None:
         reason = "no positive exponent was found"
-    elif exponent.value - SURE * exponent.deviation <= 0:
-        reason = f"the exponent {exponent} may be 0"
+    elif exponent.value <= evidence.deviations * exponent.deviation:
+        reason = f"the exponent {exponent} must exceed 0 by {evidence.deviations:g} deviations"
     elif exponent.value * duration < evidence.needed:
         reason = (
             f"neighbours part by {exponent.value * duration:.3g} nats over its length: "

@@ -129,9 +129,21 @@ def test_a_small_exponent_of_a_short_series_is_not_called_chaotic():
     test, said = judge(clear, evidence, slope, 1000)
     assert test.judgement is Judgement.NONLINEAR and "10 nats over its length" in said
     test, said = judge(clear, evidence, replace(slope, deviation=0.02), 10_000)
-    assert test.judgement is Judgement.NONLINEAR and "may be 0" in said
+    assert test.judgement is Judgement.NONLINEAR and "exceed 0 by 3 deviations" in said
     test, said = judge(clear, evidence, None, 10_000)
     assert test.judgement is Judgement.NONLINEAR and "no positive exponent" in said
+
+
+@pytest.mark.parametrize(
+    ("change", "least"), [({}, 3.0), ({"step": 2}, 2.0), ({"step": 2, "nonlinear": 0.3}, 4.0)]
+)
+def test_the_exponent_of_chaos_is_clear(change, least):
+    clear = Ranks(39, 0, 0.1, 1.0, 50.0, 0.0)
+    evidence = replace(Evidence(1, 0.5, 0.1, 5.0, 0.0, 1, 0.9), **change)
+    slope = Slope(Method.ROSENSTEIN, 1.0, 0.99 / least, 0.0, 5.0)
+    assert judge(clear, evidence, slope, 10_000)[0].judgement is Judgement.CHAOTIC
+    test, said = judge(clear, evidence, replace(slope, deviation=1.01 / least), 10_000)
+    assert test.judgement is Judgement.NONLINEAR and f"exceed 0 by {least:g} deviations" in said
 
 
 @pytest.mark.parametrize(
