@@ -151,8 +151,8 @@ class Recording(Declared):
         Rim speeds of the wheels (angular speed times radius) in metres per second: front left, front right, rear
         left and rear right. ``kalman-grnn`` uses them if all drives have them.
     longitudinal_acceleration : ndarray, shape (n,), optional
-        Measured acceleration along the forward axis, in metres per second squared. Without it, :attr:`forward_acceleration` follows
-        from the speed.
+        Measured acceleration along the forward axis, in metres per second squared. ``kalman-grnn`` uses it if all drives have
+        it; otherwise the forward acceleration follows from the speed.
     """
 
     times: FloatArray = declared(Times(("n",), unit="s"))

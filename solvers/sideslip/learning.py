@@ -102,14 +102,14 @@ def training_set(
     return TrainingSet(features, angles, np.repeat(np.arange(len(counts)), counts))
 
 
-def curve_features(recording: Recording, sideslip: Floats, wheels: bool) -> Floats:
+def curve_features(recording: Recording, sideslip: Floats) -> Floats:
     """Return features for the error of a filter with wrong tyres, shape (n, 12) or (n, 15). The error is linear in them.
 
     The angle at the rear axle is ``b ω / u - α_r``, and the slip angle α_r is a function of the lateral force, which
     depends on the load and so on the forward acceleration. The features are ω / u, powers of the lateral acceleration
     up to the third, products with powers of the forward acceleration, the yaw acceleration, the measured inputs and the
     angle of the filter. Accelerations are means over the last 0.2 s: the sensors of a real car are noisy. With
-    `wheels` there are also the slip of the driven axle and the yaw rates by the wheels of both axles.
+    wheel speeds there are also the slip of the driven axle and the yaw rates by the wheels of both axles.
     """
     times, speed = recording.times, np.maximum(recording.speed, LOW_SPEED)
     before = times[:, None] - np.linspace(0.0, CURVE_WINDOW, CURVE_SAMPLES)
@@ -129,7 +129,7 @@ def curve_features(recording: Recording, sideslip: Floats, wheels: bool) -> Floa
         *(along, along * side, along**2 * side),
         *(sideslip, recording.yaw_rate, recording.steering, speed),
     ]
-    if wheels and recording.wheel_speeds is not None:
+    if recording.wheel_speeds is not None:
         left, right, rear_left, rear_right = (recording.wheel_speeds / speed[:, None]).T
         columns += [rear_left + rear_right - left - right, right - left, rear_right - rear_left]
     return np.column_stack(columns)

@@ -202,10 +202,15 @@ def _correct_by_curve(
     drives: powers grow fast beyond it.
     """
     drives = problem.recording, *problem.training
-    wheels = all(drive.wheel_speeds is not None for drive in drives)
+    # A sensor that some drives lack would give them another feature.
+    missing: dict[str, Any] = {
+        name: None
+        for name in ("wheel_speeds", "longitudinal_acceleration")
+        if any(getattr(drive, name) is None for drive in drives)
+    }
+    drives = tuple(replace(drive, **missing) for drive in drives)
     here, *there = (
-        curve_features(drive, entry.sideslip, wheels)
-        for drive, entry in zip(drives, filtered, strict=True)
+        curve_features(drive, entry.sideslip) for drive, entry in zip(drives, filtered, strict=True)
     )
     known = np.vstack([entry[drive.moving] for drive, entry in zip(drives[1:], there, strict=True)])
     if not np.isfinite(known).all() or not np.isfinite(examples.angles).all():
