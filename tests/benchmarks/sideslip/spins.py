@@ -65,7 +65,7 @@ def spun() -> None:
     said = (
         "A sample slides if the whole contact patch of an axle slides; it is far from the peak below 75 % of that slip. "
         "A slide is missed if no event overlaps it, an event is false if it is far from the peak throughout. The delay "
-        "is that of the first event after the tyre has reached 75 % of the slip."
+        "is that of the first event that ends after the tyre has reached 75 % of the slip."
     )
     store("grip", "spins", columns, events, said, __file__)
 
@@ -94,8 +94,8 @@ def _events(drives: list[Spin]) -> list[Any]:
             len(slides), sum(not shown[a:b].any() for a, b in slides),
             len(spans), sum(not near[marked(times, [span])].any() for span in spans),
         ]  # fmt: skip
-        if spans and near.any():
-            delays.append(spans[0][0] - times[near.argmax()])
+        begin = times[near.argmax()]
+        delays += [first - begin for first, last in spans if near.any() and last >= begin][:1]
     shares = [float(samples[0] / samples[1]), float(samples[2] / samples[3])]
     return [*shares, *counts.tolist(), float(np.median(delays))]
 
