@@ -67,10 +67,12 @@ class Identification(Estimate):
     undetermined : tuple of str
         Parameters with a relative deviation above 0.5, and biases with one above 0.025 rad, 0.025 rad/s or
         0.25 m/s². Their values depend on the vehicle before the identification; `correlations` names the
-        parameters that can replace them. All parameters, if the search did not converge in 20 rounds.
+        parameters that can replace them. All parameters, if the search did not converge in 20 rounds or
+        `freedom` is below 1.
     noise : ndarray, shape (3,)
         Deviations of the noise of angle (rad), yaw rate (rad/s) and lateral acceleration (m/s²) that
-        explain the prediction errors.
+        explain the prediction errors. The covariance assumes that the tyre law is right; with a wrong law
+        the truth may be many deviations away, although the noise exceeds the declared one little.
     """
 
     vehicle: Vehicle
@@ -158,6 +160,9 @@ def identify(
 
     blocks = np.concatenate([track.blocks + 1000000 * k for k, track in enumerate(tracks)])
     declared = noise[2:].copy()
+    used = np.concatenate([drive.moving for drive in model.training])
+    # The two initial states of each drive are free.
+    freedom = 3 * int(np.count_nonzero(used)) - 2 * len(tracks) - len(chosen)
 
     def residuals(x: Floats) -> Floats:
         rest = np.clip(np.nan_to_num(errors_at(x), nan=MOST_ERROR), -MOST_ERROR, MOST_ERROR)
@@ -167,7 +172,7 @@ def identify(
         """Return the cost of the result, whether it converged, the result, and the noise that explains the errors."""
         noise[2:], settled, loss = declared, False, math.inf
         for _ in range(ROUNDS):
-            used = np.any(errors_at(x, gains=True) != 0.0, axis=1)
+            errors_at(x, gains=True)
             spread = np.concatenate([track.spread for track in tracks])[used]
             result = least_squares(residuals, x, jac="3-point", x_scale=np.minimum(loose, 1.0))
             slopes, rest = result.jac[: 3 * len(used)], result.fun[: 3 * len(used)]
@@ -175,9 +180,9 @@ def identify(
             moved = np.abs(result.x - x) / np.sqrt(np.diag(inverse))
             x, errors = result.x, rest.reshape(-1, 3)[used]
             loss = float(np.sum(np.log(spread) + errors**2))
-            # The noise that explains the size of the errors.
+            # The noise that explains the size of the errors, per degree of freedom.
             size = np.median(spread, axis=0)
-            excess = size * (np.mean(errors**2, axis=0) - 1.0)
+            excess = size * (np.mean(errors**2, axis=0) * errors.size / max(freedom, 1) - 1.0)
             better = np.maximum(
                 noise[2:] + 0.5 * excess, LEAST * np.maximum(noise[2:], LEAST * declared)
             )
@@ -206,10 +211,10 @@ def identify(
         np.add.at(sums, np.repeat(parts, 3), slopes * rest[:, None])
         shape = inverse @ (sums.T @ sums + np.diag(loose**-2.0)) @ inverse
         deviations = np.maximum(deviations, np.sqrt(np.diag(shape)))
+    vague = not settled or freedom < 1
     scale = deviations / np.sqrt(np.diag(shape))
     values = values_at(x)
     factors = np.where(bias, units, values)
-    freedom = int(errors.size - len(chosen))
     fitted: dict[str, Any] = {
         name: float(value) for name, value in zip(chosen, values, strict=True) if name not in BIASES
     }
@@ -217,7 +222,7 @@ def identify(
         names=chosen, values=values, covariance=shape * np.outer(scale * factors, scale * factors),
         variance=float(np.sum(errors**2)) / max(freedom, 1), freedom=freedom,
         vehicle=dataclasses.replace(start, **fitted),
-        undetermined=tuple(np.array(chosen)[~(deviations <= LOOSE) | (not settled)].tolist()),
+        undetermined=tuple(np.array(chosen)[~(deviations <= LOOSE) | vague].tolist()),
         noise=np.sqrt(level),
     )  # fmt: skip
 

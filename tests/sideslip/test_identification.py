@@ -96,11 +96,42 @@ def test_a_bad_drive_gives_finite_estimates():
     drive = dataclasses.replace(model.recording, sideslip=model.truth)
     for change in ({"lateral_acceleration": 0.0 * drive.times}, {"yaw_rate": 0.0 * drive.times},
                    {"speed": np.where(drive.times > 5, 0.0, drive.speed)},
-                   {"sideslip": 0.0 * drive.times}):  # fmt: skip
+                   {"sideslip": 0.0 * drive.times},
+                   dict.fromkeys(("steering", "yaw_rate", "lateral_acceleration", "sideslip"),
+                                 0.0 * drive.times)):  # fmt: skip
         bad = dataclasses.replace(drive, **change)
         result = identify(dataclasses.replace(model, training=[bad]))
         assert np.isfinite(result.values).all() and (result.values > 0).all()
-        assert np.isfinite(result.covariance).all()
+        assert np.isfinite(result.covariance).all() and np.isfinite(result.noise).all()
+    assert result.variance == 0.0 and result.undetermined == STIFF  # a straight drive without noise
+
+
+def test_fewer_measurements_than_parameters_determine_nothing():
+    model = simulated(0, n=100)
+    speed = np.where(np.abs(np.arange(100) - 50.5) < 1, model.recording.speed, 0.0)  # two samples
+    drive = dataclasses.replace(model.recording, sideslip=model.truth, speed=speed)
+    names = (*identification.FIELDS, *identification.BIASES)
+    result = identify(dataclasses.replace(model, training=[drive]), names)
+    assert result.freedom == 6 - 2 - len(names) and result.undetermined == names
+
+
+def test_the_noise_counts_degrees_of_freedom():
+    noise = []
+    for seed in range(40):
+        model = simulated(seed, n=10)
+        drive = dataclasses.replace(model.recording, sideslip=model.truth)
+        noise.append(identify(dataclasses.replace(model, training=[drive])).noise)
+    rate, acceleration = np.sqrt(np.mean(np.square(noise), axis=0))[1:] / [0.002, 0.05]
+    assert 0.9 < rate < 1.1 and 0.9 < acceleration < 1.1
+
+
+def test_the_noise_shows_linear_tyres_at_the_limit():
+    model = drives(0, 2, samples=200, tyre="saturating", friction=0.8, mismatch={"friction": 1.1})
+    linear = dataclasses.replace(model.vehicle, tyre="linear")
+    right, wrong = identify(model), identify(dataclasses.replace(model, vehicle=linear))
+    assert right.noise[2] == pytest.approx(model.acceleration_noise, rel=0.1)
+    assert wrong.noise[2] > 1.5 * model.acceleration_noise
+    assert wrong.vehicle.cornering_front < 0.9 * VEHICLE.cornering_front  # an effective stiffness
 
 
 @pytest.mark.parametrize(
