@@ -94,10 +94,11 @@ def walk_of(model: UnknownGridNavigation, plan: NavigationRuns, scene: int) -> W
     positions, collided = replay(
         model.blocked[scene], (row, column), actions, model.corners, tracks
     )
+    uav = uav_cells(model, scene, positions)
     moves = np.array([MOVES[LETTERS.index(letter)] for letter in actions]).reshape(-1, 2)
     return Walk(
         positions, positions[:-1][collided] + 0.5 * moves[collided], np.flatnonzero(collided) + 1,
-        uav_cells(model, scene, positions), first_seen(model, scene, positions),
+        uav, first_seen(model, scene, positions, uav),
         plan.outcomes[scene], tracks[:, np.minimum(np.arange(len(actions) + 1), model.steps)],
         Aspect.NOISE in aspects_of(model),
     )  # fmt: skip
@@ -233,7 +234,9 @@ class Moment:
         self._hits.set_data(*walk.hits[walk.hit_after <= step, ::-1].T)
         self._others.set_data(*walk.others[:, step, ::-1].T)
         uav = walk.uav[step]
-        wrong = wrong_readings(self.model, self._scene, walk.positions[step], uav, step)
+        wrong = wrong_readings(
+            self.model, self._scene, walk.positions[step], uav, walk.others[:, step], step
+        )
         self._wrong.set_data(*wrong[:, ::-1].T)
         self._vehicle.set_data(*walk.positions[[step], ::-1].T)
         self._uav.set_data(*walk.uav[[step], ::-1].T)

@@ -50,13 +50,13 @@ def in_sight(blocked: Truths, seen: Truths) -> None:
 
 
 def sense(
-    model: Scenes, tracks: Ints, scenes: Ints, taken: Ints, vehicles: Ints, corners: Ints, views: Cells,
+    model: Scenes, others: Ints, scenes: Ints, taken: Ints, vehicles: Ints, corners: Ints, views: Cells,
     exact: bool = False,
 ) -> Cells:  # fmt: skip
     """Return the readings of the sensor in the views of n scenes, shape (n, rows, columns).
 
-    `tracks` are those of all scenes, `taken` the numbers of steps so far, `vehicles` their cells, `corners` the
-    first cells of the views, and `views` the true cells. If `exact`, no reading is wrong.
+    `others`, shape (n, moving, 2), are the cells of the moving obstacles, `taken` the numbers of steps so far,
+    `vehicles` their cells, `corners` the first cells of the views, and `views` the true cells. If `exact`, no reading is wrong.
 
     A moving obstacle appears blocked and hides the target. Occluded cells of the map are ``UNKNOWN``. The cell of
     the vehicle is never wrong, nor is ``TARGET``. The random number of a reading depends on seed, scene, number of
@@ -68,7 +68,7 @@ def sense(
     inside = inside & ((columns >= 0) & (columns < model.shape[1]))[:, None]
     own = (rows == vehicles[:, :1])[:, :, None] & (columns == vehicles[:, 1:])[:, None]
     if model.moving:
-        places = tracks[scenes, :, taken] - corners[:, None]
+        places = others - corners[:, None]
         shown = ((places >= 0) & (places < views.shape[1:])).all(axis=-1)
         views[np.nonzero(shown)[0], *places[shown].T] = BLOCKED
         views[own & (views == BLOCKED)] = FREE

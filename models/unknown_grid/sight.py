@@ -18,11 +18,13 @@ _HIDING = frozenset({Aspect.OCCLUSION, Aspect.MOVING})
 
 
 def readings(
-    model: Scenes, scene: int, positions: Ints, centres: Ints, first: int = 0, exact: bool = False
-) -> Cells:
+    model: Scenes, scene: int, positions: Ints, centres: Ints, others: Ints | None = None,
+    first: int = 0, exact: bool = False,
+) -> Cells:  # fmt: skip
     """Return the readings of the views around `centres`, shape (n, rows, columns).
 
-    `positions` are the cells of the vehicle after `first`, `first` + 1, … actions.
+    `positions` are the cells of the vehicle after `first`, `first` + 1, … actions, and `others`, shape
+    (n, moving, 2), those of the moving obstacles, computed by default.
     """
     corners = centres - model.view // 2
     blocked = np.array([crop(model.blocked[scene], corner, model.view) for corner in corners])
@@ -31,16 +33,24 @@ def readings(
     inside = ((places >= 0) & (places < model.view)).all(axis=1)
     true[inside, places[inside, 0], places[inside, 1]] = TARGET
     taken = np.minimum(first + np.arange(len(positions)), model.steps)
-    scenes, tracks = np.full(len(positions), scene), obstacle_tracks(model)
-    return sense(model, tracks, scenes, taken, positions, corners, true, exact)
+    if others is None:
+        others = obstacle_tracks(model)[scene][:, taken].swapaxes(0, 1)
+    scenes = np.full(len(positions), scene)
+    return sense(model, others, scenes, taken, positions, corners, true, exact)
 
 
-def wrong_readings(model: Scenes, scene: int, position: Ints, centre: Ints, step: int) -> Ints:
-    """Return rows and columns of the cells that are read wrongly after `step` actions, shape (n, 2)."""
+def wrong_readings(
+    model: Scenes, scene: int, position: Ints, centre: Ints, others: Ints, step: int
+) -> Ints:
+    """Return rows and columns of the cells that are read wrongly after `step` actions, shape (n, 2).
+
+    `position`, `centre` and `others`, shape (moving, 2), are the cells of the vehicle, below the UAV and of the
+    moving obstacles.
+    """
     if Aspect.NOISE not in aspects_of(model):
         return np.empty((0, 2), np.int64)
     read, exact = (
-        readings(model, scene, position[None], centre[None], step, each)[0]
+        readings(model, scene, position[None], centre[None], others[None], step, each)[0]
         for each in (False, True)
     )
     return np.asarray(np.argwhere(read != exact) + centre - model.view // 2)
@@ -62,13 +72,12 @@ def uav_cells(model: Scenes, scene: int, positions: Ints) -> Ints:
     return cells
 
 
-def first_seen(model: Scenes, scene: int, positions: Ints) -> Ints:
+def first_seen(model: Scenes, scene: int, positions: Ints, middles: Ints) -> Ints:
     """Return the number of actions before each cell was first seen, shape (rows, columns).
 
-    The entry of a cell that was never seen is the number of positions. The parameters are those of
-    :func:`uav_cells`.
+    The entry of a cell that was never seen is the number of positions. The parameters are those and the result
+    of :func:`uav_cells`.
     """
-    middles = uav_cells(model, scene, positions)
     half = model.view // 2
     lows = np.maximum(middles - half, 0).tolist()
     highs = np.minimum(middles + half + 1, model.shape).tolist()

@@ -272,8 +272,9 @@ class World:
         views = self._cells[scenes[:, None, None], rows[:, :, None], columns[:, None, :]]
         if not self._aspects:
             return np.asarray(views)
+        taken = self.taken[scenes]
         return sense(
-            self.problem, self._tracks, scenes, self.taken[scenes], self.positions[scenes],
+            self.problem, self._tracks[scenes, :, taken], scenes, taken, self.positions[scenes],
             centres - self._half, views,
         )  # fmt: skip
 

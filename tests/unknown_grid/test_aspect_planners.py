@@ -12,7 +12,7 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.instances.unknown_grid import draw_scenes
 from crosstrack.models import UnknownGridNavigation
-from crosstrack.models.unknown_grid import World
+from crosstrack.models.unknown_grid import World, sight
 from crosstrack.models.unknown_grid.drawn import walk_of
 from crosstrack.models.unknown_grid.moving import obstacle_tracks
 from crosstrack.models.unknown_grid.plan import LETTERS, NavigationRuns
@@ -111,7 +111,7 @@ def test_d_star_lite_takes_the_steps_of_a_search_from_scratch(model, fields, sen
     assert model.verify(found[0].point).ok
 
 
-def test_pictures_show_what_the_world_shows():
+def test_pictures_show_what_the_world_shows(monkeypatch):
     model = draw_scenes(
         "mixed", obstacles=4, scenes=1, view=(7, 7), steps=60, connectivity="8", occlusion=True, moving=5,
         false_obstacles=0.1, missed_obstacles=0.1,
@@ -127,15 +127,21 @@ def test_pictures_show_what_the_world_shows():
         for row, column in np.argwhere(noisy.view[0] != -1) + noisy.corners[0]:
             if 0 <= row < 17 and 0 <= column < 17:
                 expected[row, column] = min(expected[row, column], step)
-        wrong = wrong_readings(model, 0, walk.positions[step], walk.uav[step], step)
+        others = obstacle_tracks(model)[0][:, step]
+        wrong = wrong_readings(model, 0, walk.positions[step], walk.uav[step], others, step)
         shown = np.argwhere(noisy.view[0] != true.view[0]) + noisy.corners[0]
         assert wrong.tolist() == shown.tolist()
     assert (walk.seen == expected).all()
     assert (walk.others == obstacle_tracks(model)[0][:, : walk.steps + 1]).all()
-    figure = ct.plot(model, plan, moments=[0, walk.steps])
+    calls = []
+    monkeypatch.setattr(
+        sight, "obstacle_tracks", lambda model: calls.append(1) or obstacle_tracks(model)
+    )
+    figure = ct.plot(model, plan, moments=[0, 1, 2, walk.steps])
+    assert len(calls) <= 3  # not per moment
     ends = [line for axes in figure.axes for line in axes.lines if line.get_gid() == "moving"]
     assert [line.get_xydata()[:, ::-1].tolist() for line in ends] == [
-        walk.others[:, step].tolist() for step in (0, walk.steps)
+        walk.others[:, step].tolist() for step in (0, 1, 2, walk.steps)
     ]
 
 

@@ -84,11 +84,12 @@ def test_cells_seen_equal_the_views_of_the_world(seed, uav):
         k += 1
         action = float(drawn.integers(4))
     walked = np.array(positions)
-    assert uav_cells(model, 0, walked).tolist() == np.array(middles).tolist()
-    seen = first_seen(model, 0, walked)
+    uav = uav_cells(model, 0, walked)
+    assert uav.tolist() == np.array(middles).tolist()
+    seen = first_seen(model, 0, walked, uav)
     assert seen.tolist() == np.where(known < 0, len(walked), known).tolist()
     # The plot does not read the true map.
-    assert (first_seen(model.blinded(), 0, walked) == seen).all()
+    assert (first_seen(model.blinded(), 0, walked, uav) == seen).all()
 
 
 def test_a_run_is_drawn_on_the_map_and_step_by_step(tmp_path):
