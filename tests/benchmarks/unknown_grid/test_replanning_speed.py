@@ -59,10 +59,10 @@ class Timed:
         action = self.policy.decide(looks)
         self.spent.append(time.perf_counter() - begin)
         if type(self.policy) is Replanning:
-            known, flag = self.policy.known, np.zeros(1, np.int8)
-            goals = np.array([known.cell])
+            known, flag = self.policy, np.zeros(1, np.int8)
+            goals, target = known.cells(looks.positions), int(known.ends[0, 1])
             begin = time.perf_counter()
-            sweep(known.walls, known.width, known.target, goals, False, False, True, flag)
+            sweep(known.walls[0], known.width, target, goals, False, False, True, flag)
             self.swept.append(time.perf_counter() - begin)
         return action
 
