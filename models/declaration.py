@@ -60,9 +60,8 @@ class Declared(_Frozen):
                 value, default = getattr(self, field.name), field.default
                 if callable(field.default_factory):  # that of a hidden field
                     default = field.default_factory()
-                # Types first: the comparison of an array has no single truth value.
-                is_default = type(value) is type(default) and value == default
-                if not (field.metadata.get("added") and is_default):
+                may_omit = field.metadata.get("added") and type(value) is type(default)
+                if not (may_omit and np.array_equal(value, default)):
                     yield field.name, spec, value
 
     def _feed(self) -> Iterator[bytes]:

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -21,7 +22,8 @@ from crosstrack.models import (
     TourPlan,
     Trajectory,
 )
-from crosstrack.models.declaration import Plan
+from crosstrack.models.declaration import Declared, Plan
+from crosstrack.models.fields import Array, declared
 from crosstrack.models.optimal_control import Piecewise
 
 
@@ -110,3 +112,14 @@ def test_a_model_without_a_declared_plan_defines_its_json():
     with pytest.raises(InvalidData, match=r"'bare' cannot read a plan: .* got dict"):
         Bare().plan_from_data({})
     assert issubclass(GuidedPathTour.plan_type, Plan)
+
+
+@pytest.mark.parametrize("added", [False, True])
+def test_a_hidden_array_may_have_a_default(added):
+    @dataclass(frozen=True, eq=False)
+    class Noted(Declared):
+        notes: object = declared(Array(("n",)), hidden=True, added=added, default=np.zeros(3))
+
+    full = {"notes": [1.0, 2.0]}
+    assert Noted().data() == ({} if added else {"notes": [0.0, 0.0, 0.0]})
+    assert Noted(np.ones(2) * [1, 2]).data() == full and Noted.from_data(full).data() == full
