@@ -24,6 +24,7 @@ __all__ = [
     "Linearised",
     "advance",
     "axle_force",
+    "congruence",
     "flow",
     "linearise",
     "magic_force",
@@ -245,6 +246,15 @@ def advance(
         a, c = e[0] * a + e[1] * c, e[2] * a + e[3] * c
         b, d = e[0] * b + e[1] * d, e[2] * b + e[3] * d
     return beta, omega, a, b, c, d
+
+
+@kernel
+def congruence(
+    w: float, m: float, u: float, v: float, a: float, b: float, c: float
+) -> tuple[float, float, float]:
+    """Return a, b, c of M P Mᵀ for M = [[w, m], [u, v]] and P = [[a, b], [b, c]]."""
+    p, q, r, s = w * a + m * b, w * b + m * c, u * a + v * b, u * b + v * c
+    return p * w + q * m, p * u + q * v, r * u + s * v
 
 
 @kernel(interpretable=True)

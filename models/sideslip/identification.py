@@ -22,7 +22,7 @@ from ...jit import kernel
 from ..estimates import Estimate
 from ..fields import Real, required
 from .data import UNKNOWN, Recording, Tyre, Vehicle
-from .dynamics import advance, measured, parameters
+from .dynamics import advance, congruence, measured, parameters
 from .model import SideslipEstimation
 
 __all__ = ["BIASES", "Identification", "identify"]
@@ -301,9 +301,5 @@ def predict_path(
                 steering[k + 1] - steering[k], p,
             )  # fmt: skip
             if renew:
-                d, e, g, h = q * a + r * b, q * b + r * c, s * a + t * b, s * b + t * c
-                a, b, c = (
-                    d * q + e * r + noise[0] * dt,
-                    d * s + e * t,
-                    g * s + h * t + noise[1] * dt,
-                )
+                a, b, c = congruence(q, r, s, t, a, b, c)
+                a, c = a + noise[0] * dt, c + noise[1] * dt

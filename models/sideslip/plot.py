@@ -93,8 +93,8 @@ def draw(
     model : SideslipEstimation
         The model. If its truth is hidden, as for backends, it is drawn as a model without truth.
     plan : SideslipEstimate, optional
-        The estimate, drawn with a band of twice its claimed deviation. The times at which it has lost its grip are shaded
-        in red. If None, only the data is drawn.
+        The estimate, drawn with a band of twice its claimed deviation. The times of `grip_lost` are
+        shaded in red. If None, only the data is drawn.
     others : dict of str to plan, optional
         Up to 5 further estimates by legend label: plans, their JSON data or solutions.
     """

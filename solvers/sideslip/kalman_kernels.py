@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from ...models.sideslip.dynamics import linearise_measurement, linearise_step
+from ...models.sideslip.dynamics import congruence, linearise_measurement, linearise_step
 
 __all__ = ["filter_path", "smooth_path"]
 
@@ -19,15 +19,6 @@ Floats = NDArray[np.float64]
 
 #: Number of samples between two checks of the stop flag.
 _SAMPLES = 1024
-
-
-@kernel
-def congruence(
-    w: float, m: float, u: float, v: float, a: float, b: float, c: float
-) -> tuple[float, float, float]:
-    """Return M P Mᵀ for M = [[w, m], [u, v]] and P = [[a, b], [b, c]]."""
-    p, q, r, s = w * a + m * b, w * b + m * c, u * a + v * b, u * b + v * c
-    return p * w + q * m, p * u + q * v, r * u + s * v
 
 
 @kernel

@@ -141,21 +141,22 @@ class OnlineFilter:
         Raises
         ------
         InvalidData
-            A value is out of range, the first sample has no speed or steering angle, or the sample is
-            later than `history` or has the time of another one. The filter is unchanged.
+            A value is out of range, the first sample, or the first one after a gap, has no speed or steering
+            angle, or the sample is later than `history` or has the time of another one. The filter is unchanged.
         """
         time, speed, steering, yaw_rate, acceleration = values = self._checked(sample)
         if not time > self._time:
             return self._insert(values)
-        last = self._time
+        first = not time - self._time <= MOST_GAP
         if speed != speed or steering != steering:
-            speed = self._inputs[0] if speed != speed else speed
-            steering = self._inputs[1] if steering != steering else steering
+            held = (math.nan, math.nan) if first else self._inputs
+            speed = held[0] if speed != speed else speed
+            steering = held[1] if steering != steering else steering
             if speed != speed or steering != steering:
                 raise InvalidData(
-                    "speed and steering must be known at the first sample", field="speed"
+                    "speed and steering must be known at the first sample and after a gap",
+                    field="speed",
                 )
-        first = not time - last <= MOST_GAP
         if self._track.counts[0] == len(self._track.times):
             self._track = _compacted(self._track)
         if self._history:
@@ -175,7 +176,9 @@ class OnlineFilter:
         if type(sample) is dict and sample.keys() <= {"time", *_NAMES}:
             sample = [sample.get(name, math.nan) for name in ("time", *_NAMES)]
         try:
-            time, u, d, w, a = map(float, () if isinstance(sample, str | set) else sample)
+            time, u, d, w, a = map(
+                float, () if isinstance(sample, str | bytes | set | dict) else sample
+            )
         except (TypeError, ValueError, OverflowError):
             raise InvalidData(
                 f"sample must be time, {', '.join(_NAMES)}, got {show(sample)}", field="sample"

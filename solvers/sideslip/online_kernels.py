@@ -34,7 +34,10 @@ Cloud = namedtuple(
     "Cloud",
     "times speed steering data filtered root sums rejected vehicle loads noise drift initial begin",
 )
-Cloud.__doc__ = "Arguments of the unscented filter; `begin` is the root of the initial covariance."
+Cloud.__doc__ = (
+    "Arguments of the unscented filter; `begin` is the root of the initial covariance, and `rejected` is that of "
+    ":func:`~crosstrack.solvers.sideslip.unscented_kernels.unscented_step`."
+)
 Track = namedtuple(
     "Track",
     "times moving angle claim change noise lacking bias begins origin differences rate variance size state counts "

@@ -107,7 +107,7 @@ def unscented_step(
     x: Floats, root: Floats, z: Floats, dt: float, u: float, du: float, delta: float, ddelta: float,
     p: Floats, loads: Floats, noise: Floats, drift: Floats, rejected: Floats, new_x: Floats, new_root: Floats,
 ) -> tuple[float, float]:  # fmt: skip
-    """Predict the state by `dt` seconds and update it with a sample; return χ² of the innovation and the number of measurements.
+    """Predict the state by `dt` seconds and update it with a sample; return χ² of the innovation and the number of used measurements.
 
     `x`, shape (8,), and `root`, shape (8, 8), are the state at the sample before and the root of its covariance; `new_x` and
     `new_root` are output. `z` are yaw rate (rad/s) and lateral acceleration (m/s²), NaN if missing. `u` and `delta` are speed

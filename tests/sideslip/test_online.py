@@ -162,6 +162,12 @@ def test_at_rest_the_angle_is_unknown_and_a_long_gap_starts_again():
     np.testing.assert_array_equal(followed(estimator, late), followed(ct.prepare(model), late))
     again = [[row[0] + 200.0, *row[1:]] for row in rows]  # while the vehicle moves
     np.testing.assert_array_equal(followed(estimator, again), followed(ct.prepare(model), again))
+    # The inputs before a gap are those of another drive.
+    before = pickle.dumps(estimator)
+    for row in ([300.0, math.nan, 0.0, 0.0, 0.0], [300.0, 20.0, math.nan, 0.0, 0.0]):
+        with pytest.raises(InvalidData, match="at the first sample and after a gap"):
+            estimator.update(row)
+    assert pickle.dumps(estimator) == before
     estimator.reset()
     np.testing.assert_array_equal(followed(estimator, rows), followed(ct.prepare(model), rows))
 
@@ -220,6 +226,8 @@ def test_a_pickled_estimator_goes_on():
         (7, "sample must be time"),
         ("12345", "sample must be time, .*, got '12345'"),
         ({0.0, 20.0, 0.1, 0.2, 0.3}, "sample must be time"),
+        ({0.0: 0, 20.0: 1, 0.1: 2, 0.2: 3, 0.3: 4}, "sample must be time"),
+        (b"\0\x14\0\0\1", "sample must be time"),
         ((0, 10**400, 0, 0, 0), "sample must be time"),
         ((math.nan, 20, 0, 0, 0), "time must be finite, got nan"),
         ((math.inf, 20, 0, 0, 0), "time must be finite, got inf"),
