@@ -57,7 +57,8 @@ class Declared(_Frozen):
         """Yield name, spec and value of each declared field, without added fields at their default."""
         for field in dataclasses.fields(self):
             if (spec := field.metadata.get("spec")) is not None:
-                value, default = getattr(self, field.name), field.default
+                value: Any = getattr(self, field.name)
+                default: Any = field.default
                 if callable(field.default_factory):  # that of a hidden field
                     default = field.default_factory()
                 may_omit = field.metadata.get("added") and type(value) is type(default)
