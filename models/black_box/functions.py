@@ -36,10 +36,23 @@ class BlackBoxFunction(Declared):
     def values(self, points: Floats) -> Floats:
         """Return the values at `points`, shape (m, d), as an array of shape (m,); NaN for no value."""
 
+    def table(self, points: Floats, columns: int) -> Floats:
+        """Return objectives, inequalities and equalities at `points`, shape (m, columns)."""
+        return np.asarray(self.values(points), np.float64).reshape(len(points), columns)
+
     @property
     def noise(self) -> float:
         """Standard deviation of the noise on every value that a backend receives."""
         return 0.0
+
+    def check_columns(self, columns: int) -> None:
+        """Raise :class:`~crosstrack.errors.InvalidData` if the function does not return `columns` numbers."""
+        if columns != 1:
+            raise InvalidData(
+                f"a function of type {self.type!r} returns one number, an objective; inequalities, "
+                "equalities and further objectives need a Python function",
+                field="function",
+            )
 
     def check_dimension(self, dimension: int) -> None:
         """Raise :class:`~crosstrack.errors.InvalidData` if the function has another number of variables."""
@@ -177,7 +190,8 @@ class PythonFunction(BlackBoxFunction):
     ----------
     call : callable
         Function from an array of shape (d,) to a number; NaN for no value. If `vectorized`, from
-        (m, d) to (m,).
+        (m, d) to (m,). With constraints or several objectives it returns `columns` numbers per point,
+        shape (columns,) or (m, columns): objectives, inequalities, equalities.
     vectorized : bool
         Whether the function accepts many points at once.
     """
@@ -193,13 +207,23 @@ class PythonFunction(BlackBoxFunction):
         if not callable(self.call):
             raise InvalidData(f"function must be callable, got {show(self.call)}", field="function")
 
+    def check_columns(self, columns: int) -> None:
+        """Accept any number of columns: each value is checked when the function returns it."""
+
     def values(self, points: Floats) -> Floats:
         """Return the function's values; an exception becomes ``InvalidData`` with the point."""
+        return self.table(points, 1)[:, 0]
+
+    def table(self, points: Floats, columns: int) -> Floats:
+        """Return the function's values, shape (m, columns); an exception becomes ``InvalidData``."""
+        width = () if columns == 1 else (columns,)
         if self.vectorized:
-            result: Floats = self._numbers(points, self._called(points), points.shape[:1])
-            return result
-        rows = (self._numbers(x, self._called(x), ()) for x in points)
-        return np.fromiter(rows, np.float64, len(points))
+            table = self._numbers(points, self._called(points), (*points.shape[:1], *width))
+        else:
+            rows = [self._numbers(x, self._called(x), width) for x in points]
+            table = np.array(rows, np.float64)
+        result: Floats = table.reshape(len(points), columns)
+        return result
 
     def _called(self, at: Floats) -> Any:
         try:
@@ -218,8 +242,12 @@ class PythonFunction(BlackBoxFunction):
             plain = raw.dtype.kind in "biuf"
             if plain or (raw.dtype.kind == "O" and all(value is not None for value in raw.flat)):
                 values = raw.astype(np.float64)
-        if values is None or values.size != int(np.prod(shape)):
+        # A vectorised function of several columns must not return their transpose.
+        size = int(np.prod(shape))
+        if values is None or values.size != size or (len(shape) > 1 and values.shape != shape):
             what = "a number" if not shape else f"{shape[0]} numbers"
+            if len(shape) > 1:
+                what = f"an array of shape {shape}"
             raise InvalidData(
                 f"function must return {what}, got {show(found)} at {show(at.tolist())}",
                 field="function",

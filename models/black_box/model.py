@@ -7,20 +7,24 @@ Artificial Fish Swarm Algorithm", Mathematical Problems in Engineering 2016, art
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, Whole, declared, required, show
-from ..inputs import Field, FloatArray
+from ..fields import Array, Optional, Real, Whole, declared, required, show
+from ..inputs import Field, FloatArray, FloatsOrNone
 from ..model import Model
-from ..verification import TOLERANCE, Check, Verification, check_tolerance
+from ..records import Several
+from ..verification import TOLERANCE, Verification, check_tolerance
+from .checks import verify
 from .functions import BlackBoxFunction, FunctionSpec
 from .plan import BlackBoxPoint
+from .variables import Layout, Variable, VariableSpec
 
 __all__ = ["BlackBoxMinimisation"]
 
@@ -28,6 +32,8 @@ Floats = NDArray[np.float64]
 
 #: Largest number of variables.
 MOST = 10_000
+#: Largest number of objectives: the effort of the exact hypervolume grows with a power of it.
+MOST_OBJECTIVES = 4
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,12 +57,31 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
     samples : int
         Number of evaluations that the verification averages; more than 1 for a noisy Python
         function.
+    variables : list of str, mapping or Variable, optional
+        One kind per row of `bounds`: ``"real"``, ``"integer"``, or ``{"type": "category", "values":
+        [...]}`` with bounds [0, m - 1]; the function receives the index of the value. With ``"when":
+        {"variable": k, "in": [...]}`` a variable matters only if variable `k` has one of these values,
+        and has its lower bound otherwise. By default all variables are real.
+    inequalities, equalities : int
+        Number of constraints g(x) <= 0 and h(x) = 0. The function then returns a 1-D array of objectives,
+        inequalities and equalities. Inequalities must hold exactly.
+    equality_tolerance : float
+        Largest accepted |h(x)|, in the unit of h, > 0.
+    objectives : int
+        Number of objectives, from 1 to 4. The objective of a model with several ones is minus the
+        hypervolume of a front.
+    reference : ndarray, shape (objectives,), optional
+        Reference point of the hypervolume: values that are just not acceptable. Required for several
+        objectives.
+    repeats : int
+        Number of evaluations per requested point, more than 1 for a noisy function; backends receive their
+        mean. Each evaluation counts against the budget.
 
     Raises
     ------
     InvalidData
         The bounds are reversed or not finite, or the function is unknown or has another number of
-        variables. The message names field, place and value.
+        variables or values. The message names field, place and value.
 
     Examples
     --------
@@ -74,6 +99,15 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
     bounds: FloatArray = declared(Array(("d", 2)))
     budget: int = declared(Whole(1, 10**9), default=10_000)
     samples: int = declared(Whole(1, 10**6), default=1)
+    variables: Field[
+        Sequence[str | Mapping[str, Any] | Variable] | None, tuple[Variable, ...] | None
+    ] = declared(Optional(Several(VariableSpec(), "d")), default=None, added=True)
+    inequalities: int = declared(Whole(0, 1000), default=0, added=True)
+    equalities: int = declared(Whole(0, 1000), default=0, added=True)
+    equality_tolerance: float = declared(Real(0, strict=True), default=1e-4, added=True)
+    objectives: int = declared(Whole(1, MOST_OBJECTIVES), default=1, added=True)
+    reference: FloatsOrNone = declared(Optional(Array(("objectives",))), default=None, added=True)
+    repeats: int = declared(Whole(1, 10**6), default=1, added=True)
 
     kind: ClassVar[str] = "black-box"
     plan_type: ClassVar[type] = BlackBoxPoint
@@ -94,7 +128,33 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
                 f"difference that is a number, got {show(self.bounds[k].tolist())}",
                 field="bounds",
             )
+        _ = self.layout  # checks the variables
+        count = 0 if self.reference is None else len(self.reference)
+        if count != (self.objectives if self.objectives > 1 else 0):
+            needed = f"{self.objectives} numbers" if self.objectives > 1 else "None"
+            raise InvalidData(
+                f"reference must be {needed} for {self.objectives} "
+                f"objective{'s' * (self.objectives > 1)}, got "
+                f"{show(None if self.reference is None else self.reference.tolist())}",
+                field="reference",
+            )
+        if self.repeats > self.budget:
+            raise InvalidData(
+                f"repeats must be at most the budget of {self.budget}, got {self.repeats}",
+                field="repeats",
+            )
+        self.function.check_columns(self.columns)
         self.function.check_dimension(self.dimension)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Checked variables, with their rounding and their conditions."""
+        return Layout(self.variables, self.bounds)
+
+    @property
+    def columns(self) -> int:
+        """Number of values per point: objectives, inequalities, equalities."""
+        return self.objectives + self.inequalities + self.equalities
 
     @property
     def dimension(self) -> int:
@@ -112,36 +172,47 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
         return self.bounds[:, 1]
 
     def oracle(self) -> Callable[[Floats], Floats]:
-        """Return the oracle of a run: from points of shape (m, d) to values of shape (m, 1).
+        """Return the oracle of a run: from points of shape (m, d) to values of shape (m, columns).
 
-        It rejects points outside of the bounds, and requests that exceed :attr:`budget` in total.
+        The columns are objectives, inequalities and equalities. It rejects points outside of the bounds or
+        with values that their variables do not have, and requests that exceed :attr:`budget` in total.
         """
         return _Evaluations(self)
 
     @np.errstate(all="ignore")  # overflow gives inf or NaN, which is a violation
     def verify(self, plan: BlackBoxPoint, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the value at the point, without noise if it is known, and the check of the bounds."""
+        """Return the objective from new evaluations, without noise if it is known, and the checks.
+
+        Parameters
+        ----------
+        plan : BlackBoxPoint
+            Point, or front of a model with several objectives.
+        tolerance : float
+            Tolerance of the bounds, relative to the range of a variable. Whole numbers, conditions and
+            inequalities must hold exactly, and equalities within their own tolerance.
+        """
         check_tolerance(tolerance)
         required("plan", plan, BlackBoxPoint)
-        if len(plan.x) != self.dimension:
-            raise InvalidData(f"x must have {self.dimension} entries, got {len(plan.x)}", field="x")
-        x = np.array(plan.x)
-        excess = np.maximum(self.lows - x, x - self.highs)
-        # Relative to the range, or for equal bounds to their digits.
-        scale = np.maximum(self.highs - self.lows, 1e-9 * np.abs(self.highs))
-        bounds = Check.largest("bounds", excess, scale, "", lambda k: f"x[{k}]", tolerance)
-        values = self.function.values(np.repeat(x[None], self.samples, axis=0))
-        numbers = np.isfinite(values)
-        number_check = Check.count("value is a number", [f"{v:g}" for v in values[~numbers]])
-        spread = 2 * float(values.std(ddof=1)) / self.samples**0.5 if self.samples > 1 else 0.0
-        if not numbers.all():
-            return Verification(None, (bounds, number_check))
-        return Verification(float(values.mean()), (bounds, number_check), spread)
+        return verify(self, plan, tolerance)
 
     def describe(self) -> str:
         """Return the size in a few words."""
-        several = "1 variable" if self.dimension == 1 else f"{self.dimension} variables"
-        return f"{several}, {self.budget} evaluation{'s' if self.budget > 1 else ''}"
+        parts = [_count(self.dimension, "variable")]
+        discrete = int(self.layout.discrete.sum())
+        if discrete:
+            parts[0] += f" ({discrete} discrete)"
+        if self.objectives > 1:
+            parts.append(f"{self.objectives} objectives")
+        if self.inequalities:
+            parts.append(_count(self.inequalities, "inequality", "inequalities"))
+        if self.equalities:
+            parts.append(_count(self.equalities, "equality", "equalities"))
+        each = f", {self.repeats} per point" if self.repeats > 1 else ""
+        return f"{', '.join(parts)}, {_count(self.budget, 'evaluation')}{each}"
+
+
+def _count(number: int, one: str, several: str = "") -> str:
+    return f"{number} {one if number == 1 else several or one + 's'}"
 
 
 class _Evaluations:
@@ -159,9 +230,10 @@ class _Evaluations:
             raise InvalidData(
                 f"points must have shape (m, {model.dimension}), got {points.shape}", field="x"
             )
-        if len(points) > self.left:
+        count = len(points) * model.repeats
+        if count > self.left:
             raise InvalidData(
-                f"budget: {len(points)} evaluations asked for, {self.left} of {model.budget} left",
+                f"budget: {count} evaluations asked for, {self.left} of {model.budget} left",
                 field="budget",
             )
         outside = ~((points >= model.lows) & (points <= model.highs))
@@ -172,8 +244,20 @@ class _Evaluations:
                 f"{show(float(points[row, k]))}",
                 field="x",
             )
-        self.left -= len(points)
-        values = model.function.values(points)
+        wrong = points != model.layout.canonical(points)
+        if wrong.any():
+            row, k = np.argwhere(wrong)[0].tolist()
+            raise InvalidData(
+                f"x[{k}] must be a value of its variable, at its lower bound if its condition fails, got "
+                f"{show(float(points[row, k]))}",
+                field="x",
+            )
+        self.left -= count
+        values = model.function.table(np.repeat(points, model.repeats, axis=0), model.columns)
         if model.function.noise:
-            values = values + self.noise.normal(0.0, model.function.noise, len(points))
-        return np.asarray(values, np.float64)[:, None]
+            values = values + self.noise.normal(0.0, model.function.noise, (count, 1))
+        result: Floats = np.asarray(values, np.float64)
+        if model.repeats == 1:
+            return result
+        means: Floats = result.reshape(len(points), model.repeats, model.columns).mean(axis=1)
+        return means

@@ -55,7 +55,7 @@ class Objective:
     dimension : int
         Number of free variables.
     left, granted : int
-        Remaining evaluations, and their initial number.
+        Remaining points, and their initial number; each point is evaluated `repeats` times.
     best : float
         Smallest value so far; infinity before the first.
     x : ndarray, shape (d,), optional
@@ -72,10 +72,13 @@ class Objective:
         self.start: Floats | None = None
         self.free = np.flatnonzero(problem.highs > problem.lows)
         self.dimension = self.free.size
-        self._lower = problem.lows[self.free]
-        self._width = problem.highs[self.free] - self._lower
+        # Each value of a discrete variable has the same share of the cube.
+        half = 0.5 * problem.layout.discrete[self.free]
+        self._lower = problem.lows[self.free] - half
+        self._width = problem.highs[self.free] + half - self._lower
         limit = request.evaluations
-        self.granted = self.left = problem.budget if limit is None else min(problem.budget, limit)
+        limit = problem.budget if limit is None else min(problem.budget, limit)
+        self.granted = self.left = limit // problem.repeats
         self.best, self.missing = math.inf, 0
         self.target, self._several = request.target, 1
         self.counts: dict[str, int] = {}
@@ -106,9 +109,8 @@ class Objective:
     def point(self, unit: Floats) -> Floats:
         """Return points of the unit cube, shape (…, dimension), as points of all variables."""
         x = np.broadcast_to(self.problem.lows, (*unit.shape[:-1], self.problem.dimension)).copy()
-        x[..., self.free] += unit * self._width
-        result: Floats = np.clip(x, self.problem.lows, self.problem.highs)
-        return result
+        x[..., self.free] = self._lower + unit * self._width
+        return self.problem.layout.canonical(x)
 
     def __call__(self, unit: Floats) -> Floats:
         """Return the values at points of the unit cube, infinite for no value.
@@ -137,7 +139,7 @@ class Objective:
         done = 0
         while done < len(x) and not self.control.stopped:
             begin = clock()
-            answers = self.control.ask(x[done : done + self._several])[:, 0]
+            answers = self.control.ask(x[done : done + self._several])
             self._pace(clock() - begin)
             values[done : done + len(answers)] = self._count(x[done:], answers)
             done += len(answers)
@@ -188,13 +190,13 @@ class Objective:
             self._several = min(self._several * 2, _MOST)
 
     def _count(self, x: Floats, answers: Floats) -> Floats:
-        """Return the answers, infinite for non-finite ones; count them and store the best.
+        """Return the objectives in the answers' columns, infinite for no value; count them and store the best.
 
         Points after one that reaches the target in the same request are ignored: the grouping of points
         into requests depends on the speed of the function, and the result must not.
         """
-        missing = ~np.isfinite(answers)
-        values = np.where(missing, np.inf, answers)
+        missing: NDArray[np.bool_] = ~np.isfinite(answers).all(axis=1)
+        values = np.where(missing, np.inf, answers[:, 0])
         count = len(values)
         if self.target is not None and values.min() <= self.target:
             count = int((values <= self.target).argmax()) + 1
@@ -204,8 +206,9 @@ class Objective:
         if values[k] < self.best:
             self.best, self.x = float(values[k]), x[k]
             place = self.granted - self._reserve - self.left - count + k + 1
+            place *= self.problem.repeats
             self.control.incumbent(self.best, BlackBoxPoint(tuple(x[k].tolist())), place)
-        self.control.evaluated(count)
+        self.control.evaluated(count * self.problem.repeats)
         result: Floats = values
         return result
 
@@ -245,6 +248,10 @@ class BlackBoxBackend(Backend):
 
     def refuses(self, problem: BlackBoxMinimisation) -> str:
         """Return the reason if there are too many variables, else an empty string."""
+        if problem.columns > 1:
+            fields = ("inequalities", 0), ("equalities", 0), ("objectives", 1)
+            name = next(name for name, least in fields if getattr(problem, name) > least)
+            return f"it does not support {name}, got {getattr(problem, name)}"
         free = int((problem.highs > problem.lows).sum())
         if not self.most or free <= self.most:
             return ""
@@ -279,7 +286,7 @@ class BlackBoxBackend(Backend):
             if request.warm_start is not None or not objective.dimension:
                 start = problem.lows if request.warm_start is None else request.warm_start.x
                 # The warm start itself, because the unit cube would round it.
-                x = np.clip(np.asarray(start, float), problem.lows, problem.highs)
+                x = problem.layout.canonical(np.asarray(start, float))
                 objective.start = np.clip(objective.unit(x), 0.0, 1.0)
                 objective.at(x[None])
             if objective.dimension:
@@ -290,12 +297,13 @@ class BlackBoxBackend(Backend):
             if objective.x is None:
                 raise
             message = str(error)  # exception of the function; earlier points are kept
-        used = objective.granted - objective.left
+        used = (objective.granted - objective.left) * problem.repeats
         counts: dict[str, Any] = {"evaluations": used, "variables": objective.dimension}
         counts.update(objective.counts)
         if objective.missing:
             counts["points without a value"] = objective.missing
-            lacking = f"the function has no value at {objective.missing} of {used} points"
+            points = objective.granted - objective.left
+            lacking = f"the function has no value at {objective.missing} of {points} points"
             message = f"{message}; {lacking}" if message else lacking
         has_point = objective.x is not None
         return Answer(

@@ -352,7 +352,7 @@ def test_plans_that_are_none():
     model = box("sphere", *UNIT)
     for plan, message in (
         ({"x": [0]}, "x must have 2 entries, got 1"),
-        ({"y": [0, 0]}, "unknown key 'y' in the data of a plan; .*allowed: x"),
+        ({"y": [0, 0]}, "unknown key 'y' in the data of a plan; .*allowed: front, x"),
         ({"x": [0, math.nan]}, r"x\[1\] must be finite"),
         ({"x": "ab"}, "x"),
     ):
