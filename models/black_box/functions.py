@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import math
+import os
 import uuid
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, ClassVar
@@ -15,14 +17,27 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData, suggestion
 from ..declaration import Declared, Nested
-from ..fields import Array, Flag, Optional, Real, Spec, declared, show
+from ..fields import Array, Flag, Optional, Real, Spec, Text, Whole, declared, show
 from ..inputs import Field, FloatsOrNone
 from ..problems import resolve
 from ..records import Anything, Member
+from .evaluation import Evaluation
+from .record import Record
 
-__all__ = ["BlackBoxFunction", "FunctionSpec", "Landscape", "Named", "PythonFunction"]
+__all__ = [
+    "BlackBoxFunction",
+    "FunctionSpec",
+    "Landscape",
+    "Named",
+    "NoFunction",
+    "OnError",
+    "PythonFunction",
+]
 
 Floats = NDArray[np.float64]
+
+#: Largest number of worker processes.
+MOST_WORKERS = 1024
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -179,12 +194,47 @@ class _Token(Spec):
         return str(value)
 
 
+class OnError(StrEnum):
+    """What happens if a Python function raises an exception at a point."""
+
+    RAISE = "raise"  #: the run ends, and the message names the point
+    SKIP = "skip"  #: the point has no value, and the answer contains the number and the first exception
+
+
+@dataclass(frozen=True)
+class _Workers(Spec):
+    """Number of processes, or an object with the method ``submit`` of an executor."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> Any:
+        if callable(getattr(value, "submit", None)) and not isinstance(value, type):
+            return value
+        with contextlib.suppress(InvalidData):
+            return Whole(1, MOST_WORKERS).coerce(name, value, sizes)
+        raise InvalidData(
+            f"{name} must be a number of processes from 1 to {MOST_WORKERS}, or an executor with the method "
+            f"submit, got {show(value)}",
+            field=name,
+        )
+
+
+@dataclass(frozen=True)
+class _Path(Spec):
+    """Path of a file."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> str:
+        return Text().coerce(
+            name, os.fspath(value) if isinstance(value, os.PathLike) else value, sizes
+        )
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class PythonFunction(BlackBoxFunction):
-    """Python callable, which runs in the process that holds the model and cannot be written to a file.
+    """Python callable, which cannot be written to a file.
 
-    A run calls it from a separate thread; parallel runs call it from several threads at once. A call
-    is never interrupted. A run that must end is abandoned and returns its best point.
+    By default it is called in the process that holds the model, one call at a time in each run, from a thread
+    of the run; parallel runs call it from several threads at once. With `workers` it is called in other
+    processes or threads, several calls at a time. A call is never interrupted. A run that must end does not
+    wait longer than two seconds for a call once it has a point.
 
     Parameters
     ----------
@@ -193,11 +243,40 @@ class PythonFunction(BlackBoxFunction):
         (m, d) to (m,). With constraints or several objectives it returns `columns` numbers per point,
         shape (columns,) or (m, columns): objectives, inequalities, equalities.
     vectorized : bool
-        Whether the function accepts many points at once.
+        Whether the function accepts many points at once. A request, such as a generation, is then one call,
+        or one call per worker.
+    workers : int or Executor
+        Number of worker processes, which are new interpreters and end with this object: the function must be
+        serialisable by ``cloudpickle``. Or an object with the method ``submit`` of
+        ``concurrent.futures.Executor``, such as ``dask.distributed.Client.get_executor()``; it is not part of a
+        serialised function.
+    on_error : {"raise", "skip"}
+        Whether an exception, or the end of a worker process, ends the run or means that the point has no
+        value; see :class:`OnError`.
+    record : str or path, optional
+        File of JSON lines to which each evaluation is appended. The values in an existing file answer equal
+        requests, so that a run that was killed continues. It is only used by runs, not by the verification.
+
+    Raises
+    ------
+    InvalidData
+        A value is not allowed, with the name of the field.
+
+    Examples
+    --------
+    >>> from crosstrack.models.black_box import PythonFunction
+    >>> function = PythonFunction(lambda x: 1.0 / x[0], on_error="skip")
+    >>> function.workers, str(function.on_error)
+    (1, 'skip')
     """
 
     call: Callable[..., Any] = declared(_Call())
     vectorized: bool = declared(Flag(), default=False)
+    workers: Any = declared(_Workers(), default=1)
+    on_error: Field[str, OnError] = declared(Member(OnError), default=OnError.RAISE)
+    record: Field[str | os.PathLike[str] | None, str | None] = declared(
+        Optional(_Path()), default=None
+    )
     token: str = declared(_Token(), default_factory=lambda: uuid.uuid4().hex)
 
     type: ClassVar[str] = "python"
@@ -206,6 +285,19 @@ class PythonFunction(BlackBoxFunction):
         """Raise if the function is not callable."""
         if not callable(self.call):
             raise InvalidData(f"function must be callable, got {show(self.call)}", field="function")
+
+    def _feed(self) -> Iterator[bytes]:
+        yield self.token.encode()  # how the function is called is not part of the digest
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = super().__getstate__()
+        return state if isinstance(self.workers, int) else {**state, "workers": 1}
+
+    def __copy__(self) -> PythonFunction:
+        return self  # a copy would lose an executor
+
+    def __deepcopy__(self, memo: Any) -> PythonFunction:
+        return self
 
     def check_columns(self, columns: int) -> None:
         """Accept any number of columns: each value is checked when the function returns it."""
@@ -216,49 +308,82 @@ class PythonFunction(BlackBoxFunction):
 
     def table(self, points: Floats, columns: int) -> Floats:
         """Return the function's values, shape (m, columns); an exception becomes ``InvalidData``."""
-        width = () if columns == 1 else (columns,)
-        if self.vectorized:
-            table = self._numbers(points, self._called(points), (*points.shape[:1], *width))
-        else:
-            rows = [self._numbers(x, self._called(x), width) for x in points]
-            table = np.array(rows, np.float64)
-        result: Floats = table.reshape(len(points), columns)
-        return result
+        return self.evaluation(columns).all(points)
 
-    def _called(self, at: Floats) -> Any:
-        try:
-            return self.call(at.copy())  # protects the points from functions that modify them
-        except Exception as error:
-            raise InvalidData(
-                f"function raised {type(error).__name__}: {error}, at {show(at.tolist())}",
-                field="function",
-            ) from error
+    def evaluation(
+        self, columns: int, dimension: int = 0, header: Mapping[str, Any] | None = None
+    ) -> Evaluation:
+        """Return new evaluations, with the record for a run.
 
-    def _numbers(self, at: Floats, found: Any, shape: tuple[int, ...]) -> Any:
+        Parameters
+        ----------
+        columns, dimension : int
+            Numbers of values per point and of variables.
+        header : mapping, optional
+            Data of the model that the record must have, for a run.
+        """
+        record = None
+        if self.record is not None and header is not None:
+            name = getattr(self.call, "__qualname__", type(self.call).__qualname__)
+            record = Record(self.record, {"function": name, **header}, dimension, columns)
+        return Evaluation(self, columns, record)
+
+    def failure(self, at: Floats, text: str) -> InvalidData:
+        """Return the error for an exception of the function at a point or at the points of a call."""
+        return InvalidData(f"function {text}, at {show(at.tolist())}", field="function")
+
+    def numbers(self, at: Floats, result: Any, columns: int) -> Floats:
+        """Return a result of the function as an array of shape (m, columns), or raise."""
+        if type(result) is float and columns == 1 and at.ndim == 1:
+            return np.array([[result]])
+        shape = (*at.shape[:-1], *(() if columns == 1 else (columns,)))
         values: Floats | None = None
         with contextlib.suppress(TypeError, ValueError):
-            raw = np.asarray(found)
+            raw = np.asarray(result)
             # NumPy would convert "1.5" to a number, and None to NaN.
             plain = raw.dtype.kind in "biuf"
             if plain or (raw.dtype.kind == "O" and all(value is not None for value in raw.flat)):
                 values = raw.astype(np.float64)
         # A vectorised function of several columns must not return their transpose.
-        size = int(np.prod(shape))
+        size = math.prod(shape)
         if values is None or values.size != size or (len(shape) > 1 and values.shape != shape):
             what = "a number" if not shape else f"{shape[0]} numbers"
             if len(shape) > 1:
                 what = f"an array of shape {shape}"
             raise InvalidData(
-                f"function must return {what}, got {show(found)} at {show(at.tolist())}",
+                f"function must return {what}, got {show(result)} at {show(at.tolist())}",
                 field="function",
             )
-        return values.reshape(shape)
+        return values.reshape(-1, columns)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NoFunction(BlackBoxFunction):
+    """No function: its values are passed to :meth:`crosstrack.solvers.black_box.AskTell.tell`."""
+
+    type: ClassVar[str] = "none"
+
+    def check_columns(self, columns: int) -> None:
+        """Accept any number of columns."""
+
+    def values(self, points: Floats) -> Floats:
+        """Raise :class:`~crosstrack.errors.InvalidData`."""
+        raise InvalidData(
+            "function is None: such a model serves ask and tell (crosstrack.prepare) only, and cannot be solved "
+            "or verified",
+            field="function",
+        )
+
+    def table(self, points: Floats, columns: int) -> Floats:
+        """Raise :class:`~crosstrack.errors.InvalidData`."""
+        return self.values(points)
 
 
 #: Functions that can be written to JSON, by type; imported at first use.
 _TYPES: Mapping[str, Any] = {
     "named": Named,
     "waypoints": ".models.black_box.waypoints:WaypointPath",
+    "none": NoFunction,
 }
 
 
@@ -269,6 +394,8 @@ class FunctionSpec(Spec):
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> BlackBoxFunction:
         if isinstance(value, BlackBoxFunction):
             return value
+        if value is None:
+            return NoFunction()
         if isinstance(value, str):
             return Named(value)
         if isinstance(value, Mapping):

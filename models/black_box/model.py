@@ -23,6 +23,7 @@ from ..records import Several
 from ..verification import TOLERANCE, Verification, check_tolerance
 from .checks import verify
 from .functions import BlackBoxFunction, FunctionSpec
+from .oracle import Oracle
 from .plan import BlackBoxPoint
 from .variables import Layout, Variable, VariableSpec
 
@@ -40,16 +41,16 @@ MOST_OBJECTIVES = 4
 class BlackBoxMinimisation(Model[BlackBoxPoint]):
     """Minimisation of a black-box function within bounds, with a limited number of evaluations.
 
-    Backends never receive the function. They run in a separate process and request values, which
-    are counted by the process that holds the function. The function may be noisy or discontinuous.
+    Backends never receive the function. They request values, which the model's oracle counts. The function may
+    be noisy or discontinuous.
     Points without a value (NaN, infinity) are worse than all others.
 
     Parameters
     ----------
-    function : str, mapping or callable
+    function : str, mapping, callable or None
         Name of a test function, such as ``"rastrigin"``, its data (:class:`Named`), the length of a
         path among obstacles (:class:`WaypointPath`), or a callable (:class:`PythonFunction`). Hidden
-        from backends.
+        from backends. With None the model serves :func:`crosstrack.prepare` only.
     bounds : ndarray, shape (d, 2)
         Lower and upper bound of each variable; equal bounds fix the variable.
     budget : int
@@ -94,7 +95,7 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
     """
 
     function: Field[
-        str | Mapping[str, Any] | Callable[..., Any] | BlackBoxFunction, BlackBoxFunction
+        str | Mapping[str, Any] | Callable[..., Any] | BlackBoxFunction | None, BlackBoxFunction
     ] = declared(FunctionSpec(), hidden=True)
     bounds: FloatArray = declared(Array(("d", 2)))
     budget: int = declared(Whole(1, 10**9), default=10_000)
@@ -177,7 +178,7 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
         The columns are objectives, inequalities and equalities. It rejects points outside of the bounds or
         with values that their variables do not have, and requests that exceed :attr:`budget` in total.
         """
-        return _Evaluations(self)
+        return Oracle(self)
 
     @np.errstate(all="ignore")  # overflow gives inf or NaN, which is a violation
     def verify(self, plan: BlackBoxPoint, *, tolerance: float = TOLERANCE) -> Verification:
@@ -213,51 +214,3 @@ class BlackBoxMinimisation(Model[BlackBoxPoint]):
 
 def _count(number: int, one: str, several: str = "") -> str:
     return f"{number} {one if number == 1 else several or one + 's'}"
-
-
-class _Evaluations:
-    """Counted evaluations of one run."""
-
-    def __init__(self, model: BlackBoxMinimisation) -> None:
-        self.model = model
-        self.left = model.budget
-        self.noise = np.random.default_rng(model.scene_seeds(1)[0])
-
-    def __call__(self, points: Floats) -> Floats:
-        """Return the values at `points`, including the noise."""
-        model = self.model
-        if points.ndim != 2 or points.shape[1] != model.dimension:
-            raise InvalidData(
-                f"points must have shape (m, {model.dimension}), got {points.shape}", field="x"
-            )
-        count = len(points) * model.repeats
-        if count > self.left:
-            raise InvalidData(
-                f"budget: {count} evaluations asked for, {self.left} of {model.budget} left",
-                field="budget",
-            )
-        outside = ~((points >= model.lows) & (points <= model.highs))
-        if outside.any():
-            row, k = np.argwhere(outside)[0].tolist()
-            raise InvalidData(
-                f"x[{k}] must lie in [{model.lows[k]:g}, {model.highs[k]:g}], got "
-                f"{show(float(points[row, k]))}",
-                field="x",
-            )
-        wrong = points != model.layout.canonical(points)
-        if wrong.any():
-            row, k = np.argwhere(wrong)[0].tolist()
-            raise InvalidData(
-                f"x[{k}] must be a value of its variable, at its lower bound if its condition fails, got "
-                f"{show(float(points[row, k]))}",
-                field="x",
-            )
-        self.left -= count
-        values = model.function.table(np.repeat(points, model.repeats, axis=0), model.columns)
-        if model.function.noise:
-            values = values + self.noise.normal(0.0, model.function.noise, (count, 1))
-        result: Floats = np.asarray(values, np.float64)
-        if model.repeats == 1:
-            return result
-        means: Floats = result.reshape(len(points), model.repeats, model.columns).mean(axis=1)
-        return means

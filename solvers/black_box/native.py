@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
+import warnings
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,14 +20,42 @@ from ...models.black_box.model import BlackBoxMinimisation
 from ...models.black_box.plan import BlackBoxPoint
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 
-__all__ = ["BlackBoxBackend", "Ended", "Objective", "latin_hypercube"]
+__all__ = ["BlackBoxBackend", "Ended", "Objective", "latin_hypercube", "quiet"]
 
 Floats = NDArray[np.float64]
 
-#: Target duration of a request in seconds for slow functions; the run is not polled meanwhile.
-_QUESTION = 0.1
 #: Largest number of points per request.
 _MOST = 2**13
+#: Modules whose warnings are suppressed during a search. The function may use others.
+_QUIET = r"(cma|pymoo|scipy\.optimize|crosstrack\.solvers\.black_box)\b"
+
+
+_quiet_runs = 0
+_quiet_lock = threading.Lock()
+_quiet_filters = warnings.catch_warnings()
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Suppress warnings of the libraries of searches, such as those about substituted values.
+
+    Other modules still warn. The filters of the process are restored after the last of several runs.
+    """
+    global _quiet_runs, _quiet_filters
+    with _quiet_lock:
+        _quiet_runs += 1
+        if _quiet_runs == 1:
+            _quiet_filters = warnings.catch_warnings()
+            _quiet_filters.__enter__()
+            warnings.filterwarnings("ignore", module=_QUIET)
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    finally:
+        with _quiet_lock:
+            _quiet_runs -= 1
+            if not _quiet_runs:
+                _quiet_filters.__exit__(None, None, None)
 
 
 class Ended(Exception):
@@ -76,11 +107,16 @@ class Objective:
         half = 0.5 * problem.layout.discrete[self.free]
         self._lower = problem.lows[self.free] - half
         self._width = problem.highs[self.free] + half - self._lower
+        self._upper = problem.highs[self.free]
+        #: Whether all variables are free and real, and whether a point has one value.
+        self._is_plain = problem.variables is None and self.dimension == problem.dimension
+        self._is_single = problem.columns == 1
         limit = request.evaluations
         limit = problem.budget if limit is None else min(problem.budget, limit)
         self.granted = self.left = limit // problem.repeats
         self.best, self.missing = math.inf, 0
-        self.target, self._several = request.target, 1
+        self.target = request.target
+        self._ahead, self._parallel = 0, 0
         self.counts: dict[str, int] = {}
         self.x: Floats | None = None
         left = request.left()
@@ -108,6 +144,10 @@ class Objective:
 
     def point(self, unit: Floats) -> Floats:
         """Return points of the unit cube, shape (…, dimension), as points of all variables."""
+        if self._is_plain:
+            x = self._lower + unit * self._width
+            np.maximum(x, self._lower, out=x)
+            return np.minimum(x, self._upper, out=x)
         x = np.broadcast_to(self.problem.lows, (*unit.shape[:-1], self.problem.dimension)).copy()
         x[..., self.free] = self._lower + unit * self._width
         return self.problem.layout.canonical(x)
@@ -134,19 +174,79 @@ class Objective:
 
     def at(self, points: Floats) -> Floats:
         """Return the values at points of all variables, shape (m, d); see :meth:`__call__`."""
+        if len(points) == 1 and self._is_single and self.left:
+            return np.array([self._at_one(points)])
         x = points[: self.left]
         values = np.full(len(x), np.inf)
         done = 0
+        # A request is a whole generation. The oracle returns after a while with the answers so far, so that the
+        # run can stop.
         while done < len(x) and not self.control.stopped:
-            begin = clock()
-            answers = self.control.ask(x[done : done + self._several])
-            self._pace(clock() - begin)
-            values[done : done + len(answers)] = self._count(x[done:], answers)
-            done += len(answers)
+            answers = self.control.ask(x[done : done + _MOST], partial=True)
+            if len(answers):
+                values[done : done + len(answers)] = self._count(x[done:], answers)
+                done += len(answers)
+        self._ahead = max(self._ahead - done, 0)
         stage_ends = self._share < 1.0 and self._used_time() >= self._share
         if self.control.stopped or done < len(points) or stage_ends:
             raise Ended
         return values
+
+    def value(self, unit: Floats) -> float:
+        """Return the value at one point of the unit cube, shape (dimension,); see :meth:`__call__`."""
+        points = self.point(unit)[None]
+        return self._at_one(points) if self._is_single and self.left else float(self.at(points)[0])
+
+    def _at_one(self, points: Floats) -> float:
+        """Return the value at one point, without the cost of arrays."""
+        control = self.control
+        answers = points[:0]
+        while not len(answers):
+            if control.stopped:
+                raise Ended
+            answers = control.ask(points, partial=True)
+        value = answers.item()
+        if not math.isfinite(value):
+            value = math.inf
+            self.missing += 1
+        self.left -= 1
+        self._ahead = max(self._ahead - 1, 0)
+        if value < self.best:
+            self._improve(value, points[0], self.granted - self._reserve - self.left)
+        control.evaluated(self.problem.repeats)
+        if control.stopped or (self._share < 1.0 and self._used_time() >= self._share):
+            raise Ended
+        return value
+
+    def _improve(self, value: float, x: Floats, place: int) -> None:
+        """Store and report a better point, that of evaluation number `place`."""
+        self.best, self.x = value, x
+        point = BlackBoxPoint(tuple(x.tolist()))
+        self.control.incumbent(value, point, place * self.problem.repeats)
+
+    @property
+    def parallel(self) -> int:
+        """Number of points that are evaluated at once; full generations are multiples of it."""
+        if not self._parallel:
+            points = np.empty((0, self.problem.dimension))
+            self._parallel = max(self.control.start(points) // self.problem.repeats, 1)
+        return self._parallel
+
+    def begin(self, unit: Floats) -> None:
+        """Start the evaluation of points that are requested later, in their order, if there are workers.
+
+        Values then arrive without waiting for the slowest point of a batch. Requests have the same answers as
+        without this call.
+
+        Parameters
+        ----------
+        unit : ndarray, shape (m, dimension)
+            Points of the unit cube.
+        """
+        if self.parallel > 1:
+            points = self.point(unit[: max(self.left - self._ahead, 0)])
+            self._ahead += len(points)
+            self.control.start(points)
 
     def run_stage(self, share: float, search: BlackBoxBackend) -> None:
         """Run a search from the best point until a share of the evaluations or the time is used.
@@ -182,20 +282,13 @@ class Objective:
             return 0.0
         return 1.0 - (self._end - time.perf_counter()) / self._seconds
 
-    def _pace(self, seconds: float) -> None:
-        """Adapt the number of points per request to a duration of about :data:`_QUESTION`."""
-        if seconds > _QUESTION:
-            self._several = max(self._several // 2, 1)
-        elif seconds < _QUESTION / 4:
-            self._several = min(self._several * 2, _MOST)
-
     def _count(self, x: Floats, answers: Floats) -> Floats:
         """Return the objectives in the answers' columns, infinite for no value; count them and store the best.
 
         Points after one that reaches the target in the same request are ignored: the grouping of points
         into requests depends on the speed of the function, and the result must not.
         """
-        missing: NDArray[np.bool_] = ~np.isfinite(answers).all(axis=1)
+        missing = np.logical_not(np.isfinite(answers).all(axis=1))
         values = np.where(missing, np.inf, answers[:, 0])
         count = len(values)
         if self.target is not None and values.min() <= self.target:
@@ -204,10 +297,8 @@ class Objective:
         self.missing += int(missing[:count].sum())
         k = int(values[:count].argmin())
         if values[k] < self.best:
-            self.best, self.x = float(values[k]), x[k]
             place = self.granted - self._reserve - self.left - count + k + 1
-            place *= self.problem.repeats
-            self.control.incumbent(self.best, BlackBoxPoint(tuple(x[k].tolist())), place)
+            self._improve(float(values[k]), x[k], place)
         self.control.evaluated(count * self.problem.repeats)
         result: Floats = values
         return result
@@ -242,6 +333,7 @@ class BlackBoxBackend(Backend):
         }
     )
     single_threaded = True
+    shares_process = True
     #: Largest number of free variables, and its reason; 0 for no limit.
     most: ClassVar[int] = 0
     grows: ClassVar[str] = ""

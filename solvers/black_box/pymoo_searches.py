@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..contract.backend import Option
-from .native import BlackBoxBackend, Objective, latin_hypercube
+from .native import BlackBoxBackend, Objective, latin_hypercube, quiet
 
 __all__ = ["CmaEs", "ParticleSwarm"]
 
@@ -79,8 +79,7 @@ class CmaEs(BlackBoxBackend):
             middle = objective.generator.random(size)
             if objective.start is not None:
                 middle[:d], objective.start = objective.start, None
-            with warnings.catch_warnings(), np.errstate(all="ignore"):
-                warnings.simplefilter("ignore")  # of flat functions, which lead to a restart
+            with quiet():  # about flat functions, which lead to a restart
                 search = CMAEvolutionStrategy(middle, objective.options["sigma"], options)
                 while not search.stop():
                     points = search.ask()

@@ -21,5 +21,11 @@ class RandomSearch(BlackBoxBackend):
 
     def search(self, objective: Objective) -> Mapping[str, Any]:
         """Draw points until the run ends."""
+        shape = _BATCH, objective.dimension
+        points = objective.generator.random(shape)
+        objective.begin(points)
         while True:
-            objective(objective.generator.random((_BATCH, objective.dimension)))
+            following = objective.generator.random(shape)
+            objective.begin(following)  # no worker waits for the slowest point of a batch
+            objective(points)
+            points = following

@@ -7,9 +7,7 @@ convergence, and dual annealing reheats. The two deterministic searches end wher
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnsupportedOption
 from ..contract.backend import Feature, Option
-from .native import BlackBoxBackend, Objective, latin_hypercube
+from .native import BlackBoxBackend, Objective, latin_hypercube, quiet
 
 __all__ = ["DifferentialEvolution", "Direct", "DualAnnealing", "Shgo"]
 
@@ -33,19 +31,11 @@ _POPULATION = 10**7
 _MEMORY = 2**29
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Suppress warnings about differences of substituted values; the process runs nothing else."""
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")
-        yield
-
-
 def _one(objective: Objective) -> Callable[[Floats], float]:
     """Return the objective at one point, with finite values."""
 
     def value(x: Floats) -> float:
-        return float(np.clip(objective(np.asarray(x)[None])[0], -_WALL, _WALL))
+        return min(max(objective.value(np.asarray(x)), -_WALL), _WALL)
 
     return value
 
@@ -101,7 +91,7 @@ class DifferentialEvolution(_SciPy):
         def values(x: Floats) -> Floats:
             return np.clip(objective(x.T), -_WALL, _WALL)
 
-        with _quiet():
+        with quiet():
             while True:
                 try:
                     differential_evolution(
@@ -143,7 +133,7 @@ class DualAnnealing(_SciPy):
         from scipy.optimize import dual_annealing
 
         value = _one(objective)
-        with _quiet():
+        with quiet():
             while True:
                 dual_annealing(
                     value,
@@ -194,7 +184,7 @@ class Direct(_Deterministic):
         d = objective.dimension
         # DIRECT allocates all its rectangles at once, half as many again as requested.
         limit = max(min(objective.left, int(_MEMORY / (1.5 * (12 * d + 40)))), 2 * d + 1)
-        with _quiet():
+        with quiet():
             result = direct(
                 _one(objective),
                 _cube(objective),
@@ -251,7 +241,7 @@ class Shgo(_Deterministic):
         # local searches start only after a round.
         default = max(2**d + 1, objective.granted // 50)
         points = objective.options["points"] or max(min(default, objective.granted // 4), 2)
-        with _quiet():
+        with quiet():
             result = shgo(
                 _one(objective),
                 _cube(objective),

@@ -225,13 +225,16 @@ class Control:
             )  # stops this stage if the evaluations of the run are used up
         return not self.stopped
 
-    def ask(self, questions: NDArray[np.float64]) -> NDArray[np.float64]:
+    def ask(self, questions: NDArray[np.float64], *, partial: bool = False) -> NDArray[np.float64]:
         """Return the answers of the model's hidden data, which backends reach only this way.
 
         Parameters
         ----------
         questions : ndarray, shape (m, n)
             One question per row, such as points of a black box.
+        partial : bool
+            Whether the oracle may answer only the first rows, or none, so that the caller can stop
+            between slow answers.
 
         Returns
         -------
@@ -245,12 +248,27 @@ class Control:
         InvalidData
             The question is rejected, for example because a budget is used up.
         """
+        oracle = self._find_oracle()
+        return getattr(oracle, "part", oracle)(questions) if partial else oracle(questions)
+
+    def start(self, questions: NDArray[np.float64]) -> int:
+        """Let the oracle work on questions that will be asked later, and return how many it can do at once.
+
+        Parameters
+        ----------
+        questions : ndarray, shape (m, n)
+            Questions, possibly none. An oracle that does one at a time ignores them.
+        """
+        start = getattr(self._find_oracle(), "start", None)
+        return 1 if start is None else int(start(questions)[0, 0])
+
+    def _find_oracle(self) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
         whole = self
         while whole.oracle is None and whole._whole is not None:
             whole = whole._whole
         if whole.oracle is None:
             raise HiddenData("the model answers no questions during a run")
-        return whole.oracle(questions)
+        return whole.oracle
 
     @contextmanager
     def stage(

@@ -33,7 +33,7 @@ from ..run.execution import GRACE, warm_objective
 from ..run.running import PATIENCE
 from .claims import claim_from_data
 from .environment import MIB, require_accounts, resident
-from .oracles import raised, serve
+from .oracles import end_oracle, raised, serve
 from .output import Lines
 
 __all__ = ["Worker"]
@@ -306,6 +306,7 @@ class Worker:
             return self._solve(job, grace, listener)
         finally:
             self._interrupt.clear()
+            end_oracle(self._oracle)
             self._oracle = self._memory = None
             self._held = 0.0
 

@@ -1,7 +1,7 @@
 """Oracle channel: a run in a worker asks questions about hidden data, and the parent answers.
 
-A question is a header of two integers, rows and columns, followed by the numbers of a table. An
-answer has the same format, or is a JSON object with an error. Neither end reads anything else, so
+A question is a header of two integers, rows and columns, followed by the numbers of a table; the highest
+bits of the rows select the method of the oracle. An answer has the same format, or is a JSON object with an error. Neither end reads anything else, so
 neither end can execute code in the other one.
 """
 
@@ -21,11 +21,13 @@ from numpy.typing import NDArray
 from ... import errors
 from ...errors import CrosstrackError, HiddenData, InvalidData
 
-__all__ = ["Asking", "carried", "raised", "serve"]
+__all__ = ["Asking", "carried", "end_oracle", "raised", "serve"]
 
 Floats = NDArray[np.float64]
 
 _HEADER = struct.Struct("<QQ")
+#: Methods of oracles, by the number in the highest bits of a question's rows.
+_METHODS, _SHIFT = ("__call__", "part", "start"), 60
 #: Number of rows that marks an error text.
 _REFUSED = 2**64 - 1
 #: Largest number of values in a table: 1 GB.
@@ -65,7 +67,18 @@ class Asking:
         CrosstrackError
             The error that the oracle raised.
         """
-        body = _packed(np.asarray(questions, np.float64))
+        return self._answer(questions, 0)
+
+    def part(self, questions: Floats) -> Floats:
+        """Return the answers to the first questions, see :meth:`~crosstrack.solvers.Control.ask`."""
+        return self._answer(questions, 1)
+
+    def start(self, questions: Floats) -> Floats:
+        """Announce questions, see :meth:`~crosstrack.solvers.Control.start`."""
+        return self._answer(questions, 2)
+
+    def _answer(self, questions: Floats, method: int) -> Floats:
+        body = _packed(np.asarray(questions, np.float64), method)
         with self._lock:
             if self._closed:
                 raise HiddenData("the run has ended: its model answers no more questions")
@@ -140,16 +153,27 @@ def serve(channel: socket.socket, oracle: Callable[[], Callable[[Any], Any] | No
     with contextlib.suppress(OSError, EOFError), channel:
         while True:
             rows, columns = _HEADER.unpack(_read(channel, _HEADER.size))
+            method, rows = divmod(rows, 1 << _SHIFT)
             questions = _table(channel, rows, columns)
             try:
-                answers = oracle()
+                answers: Any = oracle()
                 if answers is None:
                     raise HiddenData("the model answers no questions during a run")
-                reply = _packed(np.asarray(answers(questions), np.float64))
+                if method == 2 and not hasattr(answers, "start"):
+                    reply = _packed(np.ones((1, 1)))
+                else:
+                    answer = getattr(answers, _METHODS[method], answers)
+                    reply = _packed(np.asarray(answer(questions), np.float64))
             except BaseException as error:
                 # Even sys.exit() in a user's function ends the run only.
                 reply = _refusal(error)
             channel.sendall(reply)
+
+
+def end_oracle(oracle: Any) -> None:
+    """End the work of an oracle after a run, such as evaluations that were not requested."""
+    if hasattr(oracle, "close"):
+        oracle.close()
 
 
 def _refusal(error: BaseException) -> bytes:
@@ -159,12 +183,12 @@ def _refusal(error: BaseException) -> bytes:
     return _HEADER.pack(_REFUSED, len(body)) + body
 
 
-def _packed(table: Floats) -> bytes:
+def _packed(table: Floats, method: int = 0) -> bytes:
     if table.ndim != 2 or table.size > _MOST:
         raise InvalidData(
             f"a table must have two dimensions and at most {_MOST} numbers, got shape {table.shape}"
         )
-    return _HEADER.pack(*table.shape) + table.tobytes()
+    return _HEADER.pack(table.shape[0] | method << _SHIFT, table.shape[1]) + table.tobytes()
 
 
 def _table(channel: socket.socket, rows: int, columns: int) -> Floats:

@@ -95,7 +95,7 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         The claim of the backend.
     witness : object, optional
         Oracle that answered the questions of the run about hidden data. Its method ``contradiction``
-        returns a text if the plan contradicts its answers.
+        returns a text if the plan contradicts its answers, and its method ``remarks`` statistics and a message.
 
     Returns
     -------
@@ -108,6 +108,10 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
     model = job.model
     termination, plan, dual = claim.termination, claim.plan, claim.dual_bound
     messages, statistics = list(claim.messages), dict(claim.statistics)
+    if hasattr(witness, "remarks"):
+        counts, remark = witness.remarks()
+        statistics.update(counts)
+        messages.append(remark)
     verification: Verification | None = None
     rejected: Any = None
     contradiction = ""

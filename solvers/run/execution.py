@@ -73,7 +73,11 @@ def execute(
     assert isinstance(job.backend, Backend)
     if job.backend.hides(job.model):
         control.oracle = job.model.oracle()
-    result = claim(job, listener=listener, on_prepare=on_prepare, control=control)
+    try:
+        result = claim(job, listener=listener, on_prepare=on_prepare, control=control)
+    finally:
+        if hasattr(control.oracle, "close"):
+            control.oracle.close()
     if isinstance(job.backend, Backend) and not is_ours(job.backend):
         job, result = _as_asked(job, asked, result)
     with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):  # the point is verified

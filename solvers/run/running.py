@@ -22,7 +22,7 @@ from ..contract.backend import Answer, Backend, Control, Request
 from ..contract.control import GRACE
 from ..contract.enums import Feature, Limit, Termination
 from ..contract.job import Job, Target
-from ..contract.registry import find_backend, is_plain
+from ..contract.registry import find_backend, is_plain, shares_process
 from ..contract.solution import Incumbent
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def _is_local(problem: Any, answer: Answer) -> bool:
 
 def _captured(request: Request, backend: Backend) -> AbstractContextManager[Printed | None]:
     """Capture the output of `backend`; None if it cannot print."""
-    if is_plain(backend):
+    if is_plain(backend) or shares_process(backend):  # the user's function may print
         return nullcontext()
     from ..processes.output import captured
 

@@ -27,11 +27,21 @@ class Counted:
         self.points, self.questions = [], 0
 
     def __call__(self, points):
+        return self._kept(points, self.answers)
+
+    def part(self, points):
+        return self._kept(points, self.answers.part)
+
+    def start(self, points):
+        return self.answers.start(points)
+
+    def _kept(self, points, answer):
         self.questions += 1
         if self.on_question is not None:
             self.on_question(self)
-        self.points.extend(points.tolist())
-        return self.answers(points)
+        values = answer(points)
+        self.points.extend(points[: len(values)].tolist())
+        return values
 
 
 def search(name, model, seed=0, *, warm=None, control=None, evaluations=None, target=None, **own):

@@ -55,7 +55,6 @@ UNIT = ((0, 1), (0, 1))
         ({"function": {"name": "sphere", "deviation": -1}}, "deviation must be >= 0", "deviation"),
         ({"function": {"name": "sphere", "size": 1}}, "size", "size"),
         ({"function": 3}, "name of a function, its data, or callable, got 3", "function"),
-        ({"function": None}, "name of a function, its data, or callable, got None", "function"),
         ({"function": "easom", "bounds": [[0, 1]]}, "'easom' has 2 variables, got bounds of 1", "function"),
         ({"function": "rosenbrock", "bounds": [[0, 1]]}, "at least 2 variables", "function"),
     ],

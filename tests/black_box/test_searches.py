@@ -10,9 +10,9 @@ from black_box.searches import DRAWING, EVERY, LACKING, Counted, box, search
 
 import crosstrack as ct
 from crosstrack.errors import BackendMissing, InvalidData, UnsupportedFormulation, UnsupportedOption
-from crosstrack.models.black_box import PythonFunction
+from crosstrack.models.black_box import PythonFunction, oracle as oracle_module
 from crosstrack.solvers import Control, Feature, Limit, Request, Termination, find_backend
-from crosstrack.solvers.black_box import native, portfolio
+from crosstrack.solvers.black_box import portfolio
 from crosstrack.solvers.black_box.random_search import RandomSearch
 
 #: Many minima, the least of them off the middle.
@@ -162,7 +162,7 @@ def test_a_target_ends_a_search_where_it_is_reached_however_points_are_asked_for
     found = []
     for slow in (False, True):
         # As for a function so slow that each question has one point, and for one that takes no time.
-        monkeypatch.setattr(native, "_QUESTION", -1.0 if slow else math.inf)
+        monkeypatch.setattr(oracle_module, "_QUESTION", -1.0 if slow else 1e9)
         answer, oracle = search(name, model, target=20.0)
         values = model.function.values(np.array(oracle.points))
         assert answer.limit is Limit.TARGET

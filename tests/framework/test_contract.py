@@ -166,7 +166,7 @@ def test_a_run_beside_the_hidden_data_equals_one_in_a_worker(name, backend, monk
 
 
 def test_native_algorithms_that_share_the_process_with_hidden_data():
-    problems = {"sideslip": True, "attractor": True, "unknown_grid": True, "black_box": False}
+    problems = {"sideslip": True, "attractor": True, "unknown_grid": True, "black_box": True}
     for entry in registry.installed():
         backend = entry.load() if entry.problem in problems else None
         if backend is not None and not backend.sees_hidden:
