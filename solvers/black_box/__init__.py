@@ -1,5 +1,14 @@
 """Algorithms that minimise a function by its values alone."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...lazy import attach
+
+if TYPE_CHECKING:
+    from .asking import AskTell as AskTell
+
 BACKENDS = {
     "portfolio": ".portfolio:Portfolio",
     "dual-annealing": ".scipy_searches:DualAnnealing",
@@ -14,3 +23,6 @@ BACKENDS = {
     "random-search": ".random_search:RandomSearch",
 }
 DIAGNOSES = {"black-box": ".diagnosis:diagnose_black_box"}
+
+if not TYPE_CHECKING:  # otherwise type checkers would accept every misspelt name
+    __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -8,12 +8,14 @@ from typing import Any, overload
 from numpy.typing import ArrayLike
 
 from ...errors import InvalidData
+from ...models.black_box.model import BlackBoxMinimisation
 from ...models.conversion import as_model
 from ...models.flight.model import Flight
 from ...models.grid_path.gridmap import GridMap
 from ...models.grid_path.model import GridPath
 from ...models.optimal_control.model import OptimalControlProblem
 from ...models.sideslip.model import SideslipEstimation
+from ..black_box.asking import AskTell, prepare_black_box
 from ..contract.limits import Limits
 from ..flight.replanning import PreparedFlight, prepare_flight
 from ..grid_path.prepared import PreparedMap, prepare_map
@@ -27,6 +29,8 @@ __all__ = ["prepare"]
 def prepare(problem: OptimalControlProblem, **options: Any) -> PreparedSolver: ...
 @overload
 def prepare(problem: Flight) -> PreparedFlight: ...
+@overload
+def prepare(problem: BlackBoxMinimisation, backend: str = "auto", **options: Any) -> AskTell: ...
 @overload
 def prepare(
     problem: GridMap | GridPath, *, weights: ArrayLike | None = None, radius: float = 0.0
@@ -52,17 +56,20 @@ def prepare(
 
     It serves model-predictive control and parameter studies. The mesh is not refined, and plans are
     verified only on request (``step.verification()``). A flight is prepared for replanning in the air, and a
-    map for many verified shortest paths. A sideslip model becomes a filter that follows a drive sample by sample.
+    map for many verified shortest paths. A sideslip model becomes a filter that follows a drive sample by sample,
+    and a black box a search by ask and tell.
 
     Parameters
     ----------
-    problem : OptimalControlProblem, Flight, GridMap, GridPath or SideslipEstimation
+    problem : OptimalControlProblem, Flight, GridMap, GridPath, SideslipEstimation or BlackBoxMinimisation
         Problem with data declared by ``ocp.data(…)``. A flight accepts no options, a map the options
         ``weights`` and ``radius`` of :class:`~crosstrack.solvers.grid_path.PreparedMap`, a sideslip model the
-        option ``history`` of :class:`~crosstrack.solvers.sideslip.OnlineFilter`.
+        option ``history`` of :class:`~crosstrack.solvers.sideslip.OnlineFilter`, a black box the options `seed`,
+        `evaluations`, `target`, `warm_start` and `backend_options`.
     backend : str, optional
         Backend that uses CasADi: ``"ipopt"`` (default), ``"sqpmethod"`` …; see :func:`crosstrack.backends`.
-        For a sideslip model ``"kalman-filter"`` (default) or ``"unscented-filter"``.
+        For a sideslip model ``"kalman-filter"`` (default) or ``"unscented-filter"``, for a black box any of its
+        searches.
     formulation : str, optional
         Name of the transcription; by default that of the problem.
     mesh : Solution, ControlPlan, Mesh or sequence of float, optional
@@ -84,7 +91,7 @@ def prepare(
 
     Returns
     -------
-    PreparedSolver, ``PreparedFlight``, :class:`~crosstrack.solvers.grid_path.PreparedMap` or OnlineFilter
+    PreparedSolver, ``PreparedFlight``, PreparedMap, OnlineFilter or AskTell
         Solver; ``solver(x0=…, warm=True)`` returns a :class:`Step`.
 
     Raises
@@ -119,6 +126,8 @@ def prepare(
         model = as_model(problem)
     except InvalidData as error:
         raise InvalidData(f"{TAKEN}: {error}", field="problem") from None
+    if isinstance(model, BlackBoxMinimisation):
+        return prepare_black_box(model, **given)
     if isinstance(model, Flight):
         return prepare_flight(model, **given)
     if isinstance(model, SideslipEstimation):
