@@ -59,7 +59,10 @@ MORE = {
         ("Gyros and attitudes", "models.satellite_slew.gyros", ""),
         ("", "models.satellite_slew.quaternions", ""),
     ],
-    "black_box": [("Landscapes", "models.black_box.functions", "Landscape")],
+    "black_box": [
+        ("Landscapes", "models.black_box.functions", "Landscape OnError"),
+        ("Ask and tell", "solvers.black_box.asking", "AskTell"),
+    ],
     "unknown_grid": [
         ("Observations and camera", "models.unknown_grid.world", "Looks"),
         ("", "models.unknown_grid.camera", "Pinhole"),

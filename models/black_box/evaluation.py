@@ -6,7 +6,7 @@ import math
 from collections import Counter, defaultdict, deque
 from concurrent.futures import CancelledError, Future, TimeoutError as NotYet
 from time import perf_counter as clock
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from .record import Record
 from .workers import pool_of
-
-if TYPE_CHECKING:
-    from .functions import PythonFunction
 
 __all__ = ["Evaluation"]
 
@@ -52,9 +49,7 @@ class Evaluation:
         Number of points that are evaluated at once.
     """
 
-    def __init__(
-        self, function: PythonFunction, columns: int, record: Record | None = None
-    ) -> None:
+    def __init__(self, function: Any, columns: int, record: Record | None = None) -> None:
         self._function, self._columns, self._record = function, columns, record
         self.used, self.skipped, self.message = 0, 0, ""
         self._pool = pool_of(function)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,6 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..fields import show
 from .functions import PythonFunction
-
-if TYPE_CHECKING:
-    from .model import BlackBoxMinimisation
 
 __all__ = ["Oracle"]
 
@@ -39,7 +36,7 @@ class Oracle:
         Remaining evaluations.
     """
 
-    def __init__(self, model: BlackBoxMinimisation) -> None:
+    def __init__(self, model: Any) -> None:
         self.model = model
         self.left = model.budget
         self._lows, self._highs = model.lows, model.highs

@@ -226,11 +226,15 @@ class Objective:
 
     @property
     def parallel(self) -> int:
-        """Number of points that are evaluated at once; full generations are multiples of it."""
+        """Number of points that are evaluated at once."""
         if not self._parallel:
             points = np.empty((0, self.problem.dimension))
             self._parallel = max(self.control.start(points) // self.problem.repeats, 1)
         return self._parallel
+
+    def filled(self, count: int) -> int:
+        """Return the size of a generation of at least `count` points that leaves no worker idle."""
+        return -(-count // self.parallel) * self.parallel
 
     def begin(self, unit: Floats) -> None:
         """Start the evaluation of points that are requested later, in their order, if there are workers.

@@ -44,7 +44,7 @@ class CmaEs(BlackBoxBackend):
         ),
         "population": Option(
             None,
-            "Points of the first generation; 4 + 3 ln d where None.",
+            "Points of the first generation; if None, 4 + 3 ln d, rounded up to a multiple of the workers.",
             int,
             lower=3,
             upper=10**6,
@@ -72,8 +72,8 @@ class CmaEs(BlackBoxBackend):
             "seed": np.nan,  # leaves NumPy's global generator untouched
             "randn": lambda *shape: objective.generator.standard_normal(shape),
         }
-        if objective.options["population"] is not None:
-            options["popsize"] = objective.options["population"]
+        count = objective.options["population"]
+        options["popsize"] = count or objective.filled(4 + int(3 * np.log(size)))
         restarts = 0
         while True:
             middle = objective.generator.random(size)

@@ -66,7 +66,8 @@ class DifferentialEvolution(_SciPy):
     options: ClassVar[Mapping[str, Option]] = {
         "population": Option(
             15,
-            "Points per variable; in all at most a twentieth of the evaluations.",
+            "Points per variable; in all at most a twentieth of the evaluations, rounded up to a multiple of "
+            "the workers.",
             int,
             lower=1,
             upper=1000,
@@ -86,7 +87,7 @@ class DifferentialEvolution(_SciPy):
 
         d = objective.dimension
         limit = min(objective.granted // 20, _POPULATION // d)
-        count = max(min(objective.options["population"] * d, limit), 5)
+        count = objective.filled(max(min(objective.options["population"] * d, limit), 5))
 
         def values(x: Floats) -> Floats:
             return np.clip(objective(x.T), -_WALL, _WALL)

@@ -22,7 +22,7 @@ from ..contract.registry import integrality_refusal, is_ours
 from ..contract.solution import Solution
 from ..processes.interrupts import on_interrupt
 from .assembly import Claim, assemble
-from .running import GRACE, Run, proven_bound
+from .running import GRACE, PATIENCE, Run, proven_bound
 
 if TYPE_CHECKING:
     from ..contract.events import Listener
@@ -73,6 +73,7 @@ def execute(
     assert isinstance(job.backend, Backend)
     if job.backend.hides(job.model):
         control.oracle = job.model.oracle()
+        control.patience = PATIENCE if control.patience is None else control.patience
     try:
         result = claim(job, listener=listener, on_prepare=on_prepare, control=control)
     finally:

@@ -88,6 +88,21 @@ def test_a_slow_function_is_stopped_within_a_generation():
     assert time.perf_counter() - begin < 8
 
 
+def test_a_run_does_not_wait_for_a_call_after_its_limit():
+    gate, count = threading.Event(), [0]
+
+    def call(x):
+        count[0] += 1
+        gate.wait(30 if count[0] == 3 else 0.11)
+        return bowl(x)
+
+    begin = time.perf_counter()
+    found = ct.solve(boxed(call), "random-search", seed=1, time_limit=0.5)
+    seconds = time.perf_counter() - begin
+    gate.set()
+    assert found.limit is Limit.TIME and found.verification.ok and seconds < 9
+
+
 # -- workers -----------------------------------------------------------------------------------------
 
 
@@ -152,6 +167,23 @@ def test_a_search_does_not_wait_for_the_slowest_point_of_a_batch(monkeypatch):
     with ThreadPoolExecutor(2) as executor:
         answer, _ = search("random-search", boxed(call, 16, workers=executor), seed=2)
     assert answer.statistics["evaluations"] == 16 and gate.is_set()
+
+
+@pytest.mark.parametrize(("name", "size"), [("differential-evolution", 16), ("cma-es", 8)])
+def test_generations_are_multiples_of_the_workers(name, size):
+    if name == "cma-es":
+        pytest.importorskip("cma")
+    sizes = []
+
+    def call(x):
+        sizes.append(len(x))
+        return bowls(x)
+
+    for workers, expected in ((1, {"cma-es": 6}.get(name, 15)), (ThreadPoolExecutor(8), size // 8)):
+        sizes.clear()
+        model = box(PythonFunction(call, vectorized=True, workers=workers), *UNIT, budget=300)
+        search(name, model, seed=1)
+        assert set(sizes[:8]) == {expected} or (workers == 1 and sizes[0] == expected)
 
 
 def test_closures_and_lambdas_reach_worker_processes():

@@ -219,7 +219,8 @@ def test_a_backend_sees_values_and_nothing_of_the_function(named):
         view.verify(BlackBoxPoint((0, 0)))
     assert view.describe() == "2 variables, 3 evaluations"
     with pytest.raises(UnsupportedOption, match="hides data from backends"):
-        ct.solve(model, "random-search", isolate=False)
+        ct.solve(model, Spy(), isolate=False)
+    assert ct.solve(model, "random-search", isolate=False).verified, "part of crosstrack"
 
 
 # -- budget and points --------------------------------------------------------------------------------------
