@@ -20,6 +20,7 @@ BACKENDS = {
     "afsa": ".fish:FishSwarm",
     "cma-es": ".pymoo_searches:CmaEs",
     "particle-swarm": ".pymoo_searches:ParticleSwarm",
+    "nsga-ii": ".multi_objective:NsgaII",
     "random-search": ".random_search:RandomSearch",
 }
 DIAGNOSES = {"black-box": ".diagnosis:diagnose_black_box"}

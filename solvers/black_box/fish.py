@@ -7,6 +7,7 @@ Electrical Engineering 12(10), 2014, doi 10.11591/telkomnika.v12i8.5247.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -66,9 +67,10 @@ def converged(bulletin: Sequence[float]) -> int:
     bulletin : sequence of float
         Best value before the first iteration and after each one.
     """
-    first, last = bulletin[0], bulletin[-1]
+    first = next((value for value in bulletin if math.isfinite(value)), bulletin[0])
+    last = bulletin[-1]
     if first == last:
-        return 0
+        return bulletin.index(first)
     bar = first - _CONVERGED * (first - last)
     return next(k for k, value in enumerate(bulletin) if value <= bar)
 

@@ -19,6 +19,8 @@ from ...jit import clock
 from ...models.black_box.model import BlackBoxMinimisation
 from ...models.black_box.plan import BlackBoxPoint
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from .archive import Archive
+from .constraints import PARTS, Constraints
 
 __all__ = ["BlackBoxBackend", "Ended", "Objective", "latin_hypercube", "quiet"]
 
@@ -88,9 +90,13 @@ class Objective:
     left, granted : int
         Remaining points, and their initial number; each point is evaluated `repeats` times.
     best : float
-        Smallest value so far; infinity before the first.
+        Smallest objective of a feasible point so far, or minus the hypervolume; infinity before the first.
     x : ndarray, shape (d,), optional
         Best point, all variables.
+    constraints : Constraints
+        Handling of the constraints.
+    archive : Archive, optional
+        Front of a model with several objectives.
     missing : int
         Number of points without a value.
     counts : dict of str to int
@@ -119,6 +125,10 @@ class Objective:
         self._ahead, self._parallel = 0, 0
         self.counts: dict[str, int] = {}
         self.x: Floats | None = None
+        self.constraints = Constraints(problem)
+        self.archive: Archive | None = None
+        if problem.reference is not None:
+            self.archive = Archive(problem.reference, self.options.get("front", 100))
         left = request.left()
         self._seconds = math.inf if left is None else max(left, 1e-9)
         self._end = None if left is None else time.perf_counter() + left
@@ -176,21 +186,84 @@ class Objective:
         """Return the values at points of all variables, shape (m, d); see :meth:`__call__`."""
         if len(points) == 1 and self._is_single and self.left:
             return np.array([self._at_one(points)])
+        table = self.table(points)
+        return self.constraints.merit(points, table) if table.shape[1] > 1 else table[:, 0]
+
+    def table(self, points: Floats) -> Floats:
+        """Return objectives, inequalities and equalities, infinite for no value, shape (m, columns)."""
         x = points[: self.left]
-        values = np.full(len(x), np.inf)
+        table = np.full((len(x), self.problem.columns), np.inf)
         done = 0
         # A request is a whole generation. The oracle returns after a while with the answers so far, so that the
         # run can stop.
         while done < len(x) and not self.control.stopped:
             answers = self.control.ask(x[done : done + _MOST], partial=True)
             if len(answers):
-                values[done : done + len(answers)] = self._count(x[done:], answers)
+                table[done : done + len(answers)] = self._count(x[done:], answers)
                 done += len(answers)
         self._ahead = max(self._ahead - done, 0)
+        if self.archive is not None and self.archive.add(
+            x[:done],
+            table[:done, : self.problem.objectives],
+            self.constraints.feasible(table[:done]),
+        ):
+            self.best, self.x = -self.archive.volume, self.archive.compromise()
+            used = (self.granted - self._reserve - self.left) * self.problem.repeats
+            self.control.incumbent(self.best, self.plan(), used)
         stage_ends = self._share < 1.0 and self._used_time() >= self._share
         if self.control.stopped or done < len(points) or stage_ends:
             raise Ended
-        return values
+        return table
+
+    def plan(self) -> BlackBoxPoint | None:
+        """Return the best point, with the front of several objectives; None before the first."""
+        if self.x is None:
+            return None
+        front = None if self.archive is None else tuple(map(tuple, self.archive.x.tolist()))
+        return BlackBoxPoint(tuple(self.x.tolist()), front)
+
+    def search_in_parts(self, search: BlackBoxBackend) -> Mapping[str, Any]:
+        """Run a search that uses the size of values; with constraints in parts with fixed multipliers."""
+        if not self.constraints.scales.size:
+            return search.search(self)
+        count = max(min(10 + 2 * self.dimension, self.left // 20), 1)
+        sample = latin_hypercube(self.generator, count, self.dimension)
+        self.constraints.begin(self.table(self.point(sample)))
+        try:
+            for part in range(PARTS):
+                with self.limited(1 / (PARTS - part)):
+                    search.search(self)
+                if self.constraints.best is not None:
+                    self.start = np.clip(self.unit(self.constraints.best[1]), 0.0, 1.0)
+                self.constraints.update()
+        finally:
+            self.constraints.multipliers = None
+        return {}
+
+    @contextmanager
+    def limited(self, share: float) -> Iterator[None]:
+        """Limit a block to a share of the remaining points and of the remaining time.
+
+        ``Ended`` leaves the block only if the whole run, or the stage around the block, must end.
+        """
+        outer, now = self._share, self._used_time()
+        reserve = self.left - max(int(self.left * share), min(self.left, 1))
+        self.left, self._reserve = self.left - reserve, self._reserve + reserve
+        self._share = outer if share == 1.0 else now + (outer - now) * share
+        ended = False
+        try:
+            yield
+        except Ended:
+            ended = True
+        finally:
+            self.left, self._reserve, self._share = (
+                self.left + reserve,
+                self._reserve - reserve,
+                outer,
+            )
+        late = outer < 1.0 and self._used_time() >= outer
+        if ended and (self.control.stopped or not self.left or late):
+            raise Ended
 
     def value(self, unit: Floats) -> float:
         """Return the value at one point of the unit cube, shape (dimension,); see :meth:`__call__`."""
@@ -272,7 +345,7 @@ class Objective:
             self.start = np.clip(self.unit(self.x), 0.0, 1.0)
         begin = self.left
         try:
-            search.search(self)
+            search.explore(self)
         except Ended:
             if self.control.stopped or share >= 1.0:
                 raise
@@ -287,13 +360,18 @@ class Objective:
         return 1.0 - (self._end - time.perf_counter()) / self._seconds
 
     def _count(self, x: Floats, answers: Floats) -> Floats:
-        """Return the objectives in the answers' columns, infinite for no value; count them and store the best.
+        """Return the answers, infinite in rows without a value; count them and store the best.
 
         Points after one that reaches the target in the same request are ignored: the grouping of points
         into requests depends on the speed of the function, and the result must not.
         """
         missing = np.logical_not(np.isfinite(answers).all(axis=1))
-        values = np.where(missing, np.inf, answers[:, 0])
+        table = np.where(missing[:, None], np.inf, answers)
+        values = table[:, 0]
+        if table.shape[1] > 1:
+            values = np.where(self.constraints.feasible(table), values, np.inf)
+        if self.archive is not None:
+            values = np.full(len(values), np.inf)  # the front is updated after the request
         count = len(values)
         if self.target is not None and values.min() <= self.target:
             count = int((values <= self.target).argmax()) + 1
@@ -304,7 +382,7 @@ class Objective:
             place = self.granted - self._reserve - self.left - count + k + 1
             self._improve(float(values[k]), x[k], place)
         self.control.evaluated(count * self.problem.repeats)
-        result: Floats = values
+        result: Floats = table
         return result
 
 
@@ -340,18 +418,24 @@ class BlackBoxBackend(Backend):
     shares_process = True
     #: Largest number of free variables, and its reason; 0 for no limit.
     most: ClassVar[int] = 0
+    #: Whether the search uses the size of values, so that constraints need an augmented Lagrangian.
+    uses_size: ClassVar[bool] = False
+    #: Whether the search carries models with several objectives.
+    several_objectives: ClassVar[bool] = False
     grows: ClassVar[str] = ""
 
     def refuses(self, problem: BlackBoxMinimisation) -> str:
         """Return the reason if there are too many variables, else an empty string."""
-        if problem.columns > 1:
-            fields = ("inequalities", 0), ("equalities", 0), ("objectives", 1)
-            name = next(name for name, least in fields if getattr(problem, name) > least)
-            return f"it does not support {name}, got {getattr(problem, name)}"
+        if problem.objectives > 1 and not self.several_objectives:
+            return f"it does not support several objectives, got {problem.objectives}"
         free = int((problem.highs > problem.lows).sum())
         if not self.most or free <= self.most:
             return ""
         return f"it takes at most {self.most} variables that are free, got {free}: {self.grows}"
+
+    def explore(self, objective: Objective) -> Mapping[str, Any]:
+        """Run :meth:`search` with the handling of constraints that suits it."""
+        return objective.search_in_parts(self) if self.uses_size else self.search(objective)
 
     @abstractmethod
     def search(self, objective: Objective) -> Mapping[str, Any]:
@@ -386,7 +470,7 @@ class BlackBoxBackend(Backend):
                 objective.start = np.clip(objective.unit(x), 0.0, 1.0)
                 objective.at(x[None])
             if objective.dimension:
-                additional = self.search(objective)
+                additional = self.explore(objective)
         except Ended:
             limit = request.control.reason or Limit.EVALUATIONS
         except InvalidData as error:
@@ -401,12 +485,16 @@ class BlackBoxBackend(Backend):
             points = objective.granted - objective.left
             lacking = f"the function has no value at {objective.missing} of {points} points"
             message = f"{message}; {lacking}" if message else lacking
-        has_point = objective.x is not None
+        plan = objective.plan()
+        if plan is None and problem.columns > 1 and not message:
+            better = " and is better than the reference" if problem.objectives > 1 else ""
+            points = objective.granted - objective.left
+            message = f"none of {points} points holds all constraints{better}"
         return Answer(
-            Termination.FEASIBLE if has_point else Termination.NO_SOLUTION,
+            Termination.FEASIBLE if plan is not None else Termination.NO_SOLUTION,
             limit,
-            BlackBoxPoint(tuple(objective.x.tolist())) if objective.x is not None else None,
-            objective.best if has_point else None,
+            plan,
+            None if plan is None else objective.best,
             seconds={"solve": clock() - begin},
             statistics={**counts, **additional},
             message=message,

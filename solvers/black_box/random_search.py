@@ -18,6 +18,7 @@ class RandomSearch(BlackBoxBackend):
 
     name = "random-search"
     summary = "uniform random points, the baseline of other searches"
+    several_objectives = True
 
     def search(self, objective: Objective) -> Mapping[str, Any]:
         """Draw points until the run ends."""

@@ -7,6 +7,7 @@ convergence, and dual annealing reheats. The two deterministic searches end wher
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
@@ -89,6 +90,10 @@ class DifferentialEvolution(_SciPy):
         limit = min(objective.granted // 20, _POPULATION // d)
         count = objective.filled(max(min(objective.options["population"] * d, limit), 5))
 
+        # Values of infeasible points have no useful gradient, so the population itself gives the digits.
+        polish = objective.options["polish"] and objective.problem.columns == 1
+        finest = math.inf if objective.problem.columns == 1 else 1e-6
+
         def values(x: Floats) -> Floats:
             return np.clip(objective(x.T), -_WALL, _WALL)
 
@@ -101,8 +106,8 @@ class DifferentialEvolution(_SciPy):
                         init=latin_hypercube(objective.generator, count, d),
                         x0=objective.start,
                         maxiter=_ENDLESS,
-                        tol=objective.options["tolerance"],
-                        polish=objective.options["polish"],
+                        tol=min(objective.options["tolerance"], finest),
+                        polish=polish,
                         rng=objective.generator,
                         updating="deferred",
                         vectorized=True,
@@ -123,6 +128,7 @@ class DualAnnealing(_SciPy):
     """
 
     name = "dual-annealing"
+    uses_size = True
     summary = "dual annealing of SciPy, heated up again and again"
     options: ClassVar[Mapping[str, Option]] = {
         "local": Option(True, "Whether L-BFGS-B improves what the annealing finds.", bool),
@@ -154,6 +160,7 @@ class _Deterministic(_SciPy):
 
     features = BlackBoxBackend.features - {Feature.SEED}
     deterministic = True
+    uses_size = True
 
 
 class Direct(_Deterministic):

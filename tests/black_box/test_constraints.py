@@ -1,0 +1,220 @@
+"""Constraints and kinds of variables in every search, against published optima and enumeration."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from black_box.searches import EVERY, box, search
+
+import crosstrack as ct
+from crosstrack.errors import UnsupportedFormulation
+from crosstrack.models.black_box import BlackBoxPoint, PythonFunction
+from crosstrack.solvers import Termination, find_backend
+from crosstrack.solvers.black_box.constraints import Constraints
+
+
+def many(function):
+    """Return a function of many points."""
+    return PythonFunction(function, vectorized=True)
+
+
+# J. J. Liang and others, "Problem definitions and evaluation criteria for the CEC 2006 special session on
+# constrained real-parameter optimization": functions and optima.
+
+
+def g01(x):
+    a = x.T
+    rows = [
+        5 * a[:4].sum(0) - 5 * (a[:4] ** 2).sum(0) - a[4:].sum(0),
+        2 * a[0] + 2 * a[1] + a[9] + a[10] - 10, 2 * a[0] + 2 * a[2] + a[9] + a[11] - 10,
+        2 * a[1] + 2 * a[2] + a[10] + a[11] - 10, -8 * a[0] + a[9], -8 * a[1] + a[10], -8 * a[2] + a[11],
+        -2 * a[3] - a[4] + a[9], -2 * a[5] - a[6] + a[10], -2 * a[7] - a[8] + a[11],
+    ]  # fmt: skip
+    return np.column_stack(rows)
+
+
+def g04(x):
+    a, b, c, d, e = x.T
+    u = 85.334407 + 0.0056858 * b * e + 0.0006262 * a * d - 0.0022053 * c * e
+    v = 80.51249 + 0.0071317 * b * e + 0.0029955 * a * b + 0.0021813 * c**2
+    w = 9.300961 + 0.0047026 * c * e + 0.0012547 * a * c + 0.0019085 * c * d
+    f = 5.3578547 * c**2 + 0.8356891 * a * e + 37.293239 * a - 40792.141
+    return np.column_stack([f, u - 92, -u, v - 110, 90 - v, w - 25, 20 - w])
+
+
+def g06(x):
+    a, b = x.T
+    f = (a - 10) ** 3 + (b - 20) ** 3
+    return np.column_stack(
+        [f, 100 - (a - 5) ** 2 - (b - 5) ** 2, (a - 6) ** 2 + (b - 5) ** 2 - 82.81]
+    )
+
+
+def g08(x):
+    a, b = x.T
+    f = -(np.sin(2 * np.pi * a) ** 3) * np.sin(2 * np.pi * b) / (a**3 * (a + b))
+    return np.column_stack([f, a**2 - b + 1, 1 - a + (b - 4) ** 2])
+
+
+#: Function, bounds, number of inequalities and published minimum.
+PUBLISHED = {
+    "g01": (g01, [(0, 1)] * 9 + [(0, 100)] * 3 + [(0, 1)], 9, -15.0),
+    "g04": (g04, [(78, 102), (33, 45)] + [(27, 45)] * 3, 6, -30665.53867178),
+    "g06": (g06, [(13, 100), (0, 100)], 2, -6961.81387558),
+    "g08": (g08, [(1e-9, 10), (1e-9, 10)], 2, -0.0958250414),
+}
+
+
+@pytest.mark.parametrize(
+    ("problem", "name", "budget"),
+    [
+        ("g01", "cma-es", 20_000), pytest.param("g01", "portfolio", 20_000, marks=pytest.mark.slow), ("g01", "differential-evolution", 100_000),
+        *[(problem, name, 10_000) for problem in ("g04", "g06", "g08") for name in ("cma-es", "differential-evolution", "portfolio")],
+    ],
+)  # fmt: skip
+def test_published_problems_are_solved_within_one_per_cent(problem, name, budget):
+    if find_backend(name).missing() or find_backend("cma-es").missing():
+        pytest.skip("needs crosstrack[blackbox]")
+    function, bounds, count, optimum = PUBLISHED[problem]
+    model = box(many(function), *bounds, inequalities=count, budget=budget)
+    answer, _ = search(name, model, seed=2)
+    assert model.verify(answer.point).ok
+    assert optimum - 1e-6 * abs(optimum) <= answer.primal_bound <= optimum + 0.01 * abs(optimum)
+
+
+@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_every_search_keeps_inequalities_of_any_scale(name, scale):
+    """Minimum of the sum over a disc in a corner: all answers verify, and most are close."""
+
+    def function(x):
+        return np.column_stack([x.sum(1), scale * (((x - 0.75) ** 2).sum(1) - 0.04)])
+
+    model = box(many(function), (0, 1), (0, 1), inequalities=1, budget=1500)
+    answer, oracle = search(name, model, seed=1)
+    assert model.verify(answer.point).ok and len(oracle.points) <= 1500
+    assert answer.primal_bound == pytest.approx(1.5 - 0.2 * math.sqrt(2), abs=0.05)
+
+
+@pytest.mark.parametrize("name", ["differential-evolution", "dual-annealing", "portfolio"])
+def test_equalities_hold_within_their_tolerance(name):
+    model = box(
+        lambda x: [x[0] ** 2 + x[1] ** 2, x[0] + 2 * x[1] - 1], (-1, 1), (-1, 1),
+        equalities=1, equality_tolerance=1e-3, budget=4000,
+    )  # fmt: skip
+    answer, _ = search(name, model, seed=1)
+    assert model.verify(answer.point).ok and answer.primal_bound == pytest.approx(0.2, abs=2e-3)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_no_feasible_point_is_no_plan(name):
+    answer, _ = search(name, box(lambda x: [x[0], 1.0 + x[0]], (0, 1), inequalities=1, budget=60))
+    assert answer.termination is Termination.NO_SOLUTION and answer.point is None
+    assert (
+        answer.message.startswith("none of ") and "points holds all constraints" in answer.message
+    )
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_constraints_without_values_do_not_stop_a_search(name):
+    def partly(x):
+        return [x[0], math.nan if x[0] < 0.3 else 0.5 - x[0]]
+
+    answer, _ = search(name, box(partly, (0, 1), inequalities=1, budget=300), seed=1)
+    assert 0.5 <= answer.primal_bound < 0.6
+
+
+def test_the_rules_order_points_as_deb():
+    problem = box(lambda x: 0, (0, 1), inequalities=1, equalities=1, equality_tolerance=0.1)
+    table = np.array(
+        [
+            [5, -1, 0.05],
+            [1e99, 0, -0.1],
+            [-9, 1e-9, 0],
+            [-9, 0, 0.3],
+            [-9, 3, 0.3],
+            [0, math.nan, 0],
+        ]
+    )
+    rules = Constraints(problem)
+    assert rules.feasible(table).tolist() == [True, True, False, False, False, False]
+    merit = rules.merit(np.zeros((6, 1)), table)
+    assert merit.argsort().tolist() == [0, 1, 2, 3, 4, 5] and merit[5] == math.inf
+    np.testing.assert_array_equal(rules.merit(np.zeros((2, 1)), table[2:4]), merit[2:4])
+
+
+def test_several_objectives_are_refused_by_name():
+    model = box(lambda x: [x[0], 1 - x[0]], (0, 1), objectives=2, reference=[1, 1], budget=50)
+    for parameter in EVERY:
+        (name,) = parameter.values
+        if name == "random-search" or find_backend(name).missing():
+            continue
+        with pytest.raises(
+            UnsupportedFormulation, match="does not support several objectives, got 2"
+        ):
+            search(name, model)
+    with pytest.raises(UnsupportedFormulation, match="at least two objectives, got 1"):
+        search("nsga-ii", box("sphere", (0, 1)))
+
+
+# -- kinds of variables -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("seed", range(2))
+def test_small_mixed_problems_equal_enumeration(name, seed):
+    """An integer, a category, and a conditional integer, with a linear constraint and random costs."""
+    generator = np.random.default_rng(seed)
+    costs, weights = generator.random((6, 3, 4)), generator.random((6, 3, 4))
+    kinds = [
+        "integer", {"type": "category", "values": ["a", "b", "c"]},
+        {"type": "integer", "when": {"variable": 1, "in": ["b", "c"]}},
+    ]  # fmt: skip
+
+    def function(x):
+        i, j, k = int(x[0] + 2), int(x[1]), int(x[2])
+        assert j > 0 or k == 0
+        return [costs[i, j, k], weights[i, j, k] - 0.5]
+
+    model = box(function, (-2, 3), (0, 2), (0, 3), variables=kinds, inequalities=1, budget=2000)
+    points = [
+        (i, j, k) for i, j, k in itertools.product(range(-2, 4), range(3), range(4)) if j or not k
+    ]
+    best = min(function(point)[0] for point in points if function(point)[1] <= 0)
+    answer, _ = search(name, model, seed=seed)
+    assert model.verify(answer.point).ok
+    # The others may stop in a local minimum of these random costs.
+    if name in ("random-search", "differential-evolution", "portfolio", "cma-es"):
+        assert answer.primal_bound == best
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_a_range_of_many_integers(name):
+    model = box(lambda x: abs(x[0] - 123_457.3), (-1e6, 1e6), variables=["integer"], budget=400)
+    answer, _ = search(name, model, seed=1)
+    (x,) = answer.point.x
+    assert x.is_integer() and model.verify(answer.point).ok
+
+
+def test_a_warm_start_is_made_canonical_and_counted():
+    kinds = ["integer", {"when": {"variable": 0, "in": [1]}}]
+    model = box("sphere", (0, 3), (1, 2), variables=kinds, budget=1)
+    answer, oracle = search("random-search", model, warm=[0.4, 1.5])
+    assert answer.point == BlackBoxPoint((0, 1)) and oracle.points == [[0.0, 1.0]]
+
+
+def test_repeats_reduce_noise_and_count():
+    calls = []
+
+    def noisy(x):
+        calls.append(1)
+        return float(x @ x) + (-1) ** len(calls)
+
+    model = box(noisy, (-1, 1), (-1, 1), repeats=2, budget=101, samples=2)
+    answer, oracle = search("random-search", model, seed=1)
+    assert len(calls) == 100 == answer.statistics["evaluations"] and len(oracle.points) == 50
+    assert answer.primal_bound == pytest.approx(float(np.sum(np.square(answer.point.x))))
+    found = ct.solve(model, "random-search", seed=1)
+    assert found.primal_bound == pytest.approx(answer.primal_bound)
+    assert found.incumbents[-1].evaluations % 2 == 0
