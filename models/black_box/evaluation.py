@@ -47,6 +47,8 @@ class Evaluation:
         First failure.
     parallel : int
         Number of points that are evaluated at once.
+    is_direct : bool
+        Whether the function takes one point at a time in this process and returns one number, without a record.
     """
 
     def __init__(self, function: Any, columns: int, record: Record | None = None) -> None:
@@ -54,7 +56,7 @@ class Evaluation:
         self.used, self.skipped, self.message = 0, 0, ""
         self._pool = pool_of(function)
         self.parallel = 1 if self._pool is None else self._pool.parallel
-        self._is_direct = not (self.has_workers or function.vectorized or record or columns > 1)
+        self.is_direct = not (self.has_workers or function.vectorized or record or columns > 1)
         self._error: InvalidData | None = None
         #: Evaluations that were started and not requested yet, by point, and the calls in the workers.
         self._started: defaultdict[bytes, deque[Future[Row]]] = defaultdict(deque)
@@ -113,9 +115,6 @@ class Evaluation:
         if self._error is not None:
             error, self._error = self._error, None
             raise error
-        if self._is_direct and len(points) == 1:
-            self.used += 1
-            return self._direct(points)
         end = clock() + seconds
         rows: list[Row] = []
         if self._pool is not None:
@@ -142,14 +141,18 @@ class Evaluation:
             del rows[len(rows) - len(rows) % multiple :]
         return self._counted(rows)
 
-    def _direct(self, points: Floats) -> Floats:
-        """Return the value at one point without a record, with little overhead."""
+    def direct(self, points: Floats) -> Floats:
+        """Return the value at one point, shape (1, d), with little overhead if :attr:`is_direct`."""
+        if self._error is not None:
+            return self.part(points)
+        self.used += 1
         try:
             result = self._function.call(points[0].copy())
         except (Exception, SystemExit) as error:
             text = f"raised {type(error).__name__}: {error}"
             return self._counted(self._finished(points, None, text, None, error))
-        return self._function.numbers(points[0], result, 1)
+        value: Floats = self._function.numbers(points[0], result, 1)
+        return value
 
     def _counted(self, rows: list[Row]) -> Floats:
         """Return the values of rows as an array, and count those that were skipped."""

@@ -22,7 +22,8 @@ from ..model import Model
 from ..records import Several
 from ..verification import TOLERANCE, Verification, check_tolerance
 from .checks import verify
-from .functions import BlackBoxFunction, FunctionSpec
+from .function_spec import FunctionSpec
+from .functions import BlackBoxFunction
 from .oracle import Oracle
 from .plan import BlackBoxPoint
 from .variables import Layout, Variable, VariableSpec

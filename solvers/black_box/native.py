@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
-import warnings
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -22,42 +19,12 @@ from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Reque
 from .archive import Archive
 from .constraints import PARTS, Constraints
 
-__all__ = ["BlackBoxBackend", "Ended", "Objective", "latin_hypercube", "quiet"]
+__all__ = ["BlackBoxBackend", "Ended", "Objective", "latin_hypercube"]
 
 Floats = NDArray[np.float64]
 
 #: Largest number of points per request.
 _MOST = 2**13
-#: Modules whose warnings are suppressed during a search. The function may use others.
-_QUIET = r"(cma|pymoo|scipy\.optimize|crosstrack\.solvers\.black_box)\b"
-
-
-_quiet_runs = 0
-_quiet_lock = threading.Lock()
-_quiet_filters = warnings.catch_warnings()
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Suppress warnings of the libraries of searches, such as those about substituted values.
-
-    Other modules still warn. The filters of the process are restored after the last of several runs.
-    """
-    global _quiet_runs, _quiet_filters
-    with _quiet_lock:
-        _quiet_runs += 1
-        if _quiet_runs == 1:
-            _quiet_filters = warnings.catch_warnings()
-            _quiet_filters.__enter__()
-            warnings.filterwarnings("ignore", module=_QUIET)
-    try:
-        with np.errstate(all="ignore"):
-            yield
-    finally:
-        with _quiet_lock:
-            _quiet_runs -= 1
-            if not _quiet_runs:
-                _quiet_filters.__exit__(None, None, None)
 
 
 class Ended(Exception):
@@ -264,11 +231,6 @@ class Objective:
         late = outer < 1.0 and self._used_time() >= outer
         if ended and (self.control.stopped or not self.left or late):
             raise Ended
-
-    def value(self, unit: Floats) -> float:
-        """Return the value at one point of the unit cube, shape (dimension,); see :meth:`__call__`."""
-        points = self.point(unit)[None]
-        return self._at_one(points) if self._is_single and self.left else float(self.at(points)[0])
 
     def _at_one(self, points: Floats) -> float:
         """Return the value at one point, without the cost of arrays."""

@@ -13,7 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..contract.backend import Option
-from .native import BlackBoxBackend, Objective, latin_hypercube, quiet
+from .native import BlackBoxBackend, Objective, latin_hypercube
+from .quiet import quiet
 
 __all__ = ["CmaEs", "ParticleSwarm"]
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnsupportedOption
 from ..contract.backend import Feature, Option
-from .native import BlackBoxBackend, Objective, latin_hypercube, quiet
+from .native import BlackBoxBackend, Objective, latin_hypercube
+from .quiet import quiet
 
 __all__ = ["DifferentialEvolution", "Direct", "DualAnnealing", "Shgo"]
 
@@ -36,7 +37,7 @@ def _one(objective: Objective) -> Callable[[Floats], float]:
     """Return the objective at one point, with finite values."""
 
     def value(x: Floats) -> float:
-        return min(max(objective.value(np.asarray(x)), -_WALL), _WALL)
+        return min(max(float(objective(np.asarray(x)[None])[0]), -_WALL), _WALL)
 
     return value
 

@@ -248,7 +248,7 @@ class Control:
         InvalidData
             The question is rejected, for example because a budget is used up.
         """
-        oracle = self._find_oracle()
+        oracle = self.oracle or self._find_oracle()
         return getattr(oracle, "part", oracle)(questions) if partial else oracle(questions)
 
     def start(self, questions: NDArray[np.float64]) -> int:

@@ -15,7 +15,7 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData, UnknownName, UnsupportedFormulation, UnsupportedOption
 from crosstrack.models import BlackBoxMinimisation, Model
 from crosstrack.solvers import Control, find_backend
-from crosstrack.solvers.black_box import native
+from crosstrack.solvers.black_box.quiet import quiet
 
 SQUARE = ((-1, 2), (-1, 2))
 EMPTY = BlackBoxMinimisation(None, SQUARE, budget=70)
@@ -217,7 +217,7 @@ def test_a_model_without_a_function_is_for_ask_and_tell_only():
 def test_warnings_are_suppressed_during_a_search_and_restored(recwarn):
     filters = list(warnings.filters)
     with ThreadPoolExecutor(1) as first, ThreadPoolExecutor(1) as second:
-        runs = native.quiet(), native.quiet()
+        runs = quiet(), quiet()
         first.submit(runs[0].__enter__).result()
         second.submit(runs[1].__enter__).result()
         first.submit(runs[0].__exit__, None, None, None).result()  # runs overlap
