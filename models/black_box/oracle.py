@@ -43,7 +43,7 @@ class Oracle:
         self.left = model.budget
         self._lows, self._highs = model.lows, model.highs
         self._noise = np.random.default_rng(model.scene_seeds(1)[0])
-        # The function runs with the settings of the caller, such as those of NumPy's warnings.
+        # The function runs with the settings of the caller, for example of NumPy errors.
         self._context = copy_context()
         self._evaluation: Any = None
         self._has_workers = self._is_simple = False
