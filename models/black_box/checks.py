@@ -120,7 +120,7 @@ def _objective(model: Any, values: Floats) -> tuple[float, float]:
     if model.reference is None:
         objective, samples = float(values.mean()), values[0, :, 0]
     else:
-        objective = -hypervolume(values.mean(axis=1), model.reference)
+        objective = 0.0 - hypervolume(values.mean(axis=1), model.reference)
         used = range(min(model.samples, _SAMPLES))
         samples = np.array([hypervolume(values[:, k], model.reference) for k in used])
     spread = float(samples.std(ddof=1)) if model.samples > 1 else 0.0

@@ -12,9 +12,9 @@ from ...errors import InvalidData
 from ..fields import required, show
 from ..plots import kit
 from ..plots.progress import draw_progress
-from .functions import BlackBoxFunction
 from .model import BlackBoxMinimisation
 from .plan import BlackBoxPoint
+from .sampled_values import draw_fronts, levels_of, sampled, shade_infeasible
 from .waypoints import WaypointPath
 
 __all__ = ["animate_search", "draw", "draw_progress"]
@@ -23,8 +23,6 @@ __all__ = ["animate_search", "draw", "draw_progress"]
 _MOST, _MOST_OTHERS = 12, 12
 #: Number of values of a single curve per value of a section.
 _FINER = 4
-#: Number of levels of a contour map, and their smallest difference relative to the range of values.
-_LEVELS, _APART = 14, 1e-3
 #: Ratio of distance from 0 to width above which the ticks of an axis have an offset.
 _NARROW = 1e4
 #: Colours of points without a value, and of a constant function.
@@ -56,7 +54,8 @@ def draw(
     equal shares of the area if the values are uneven. Of more variables, the first twelve have one
     cross-section each, through the point or the middle of the bounds. A waypoint path is drawn on
     its map; :func:`animate_search` shows the search for it, and :func:`draw_progress` the convergence
-    of solutions. Fixed variables are ignored. Points without a value, or at which the function
+    of solutions. A white veil with a red border covers infeasible points of a contour map. Several
+    objectives are drawn as the points of the front. Fixed variables are ignored. Points without a value, or at which the function
     raises, are gaps; the function must not raise at the plans.
 
     Parameters
@@ -91,6 +90,7 @@ class _Picture:
     ) -> None:
         self.model, self.size = model, size
         self.main, self.result = plan is not None, None if plan is None else plans[0].result
+        self.plans = [item.plan for item in plans]
         self.names, self.labels = [item.name for item in plans], kit.label_plans(plans, plan)
         self.points = np.array([item.plan.x for item in plans]).reshape(-1, model.dimension)
         self.values = [item.result.objective for item in plans]
@@ -113,6 +113,11 @@ class _Picture:
         free = np.flatnonzero(self.model.highs > self.model.lows)
         if path:
             return self._draw_path()
+        if self.model.objectives > 1:
+            looks = [self._look(k) for k in range(len(self.plans))]
+            size = (5.2, 4.4) if self.model.objectives == 2 else (9.6, 4.0)
+            scene = kit.Scene(self.text, self.result, self.size, size)
+            return draw_fronts(scene, self.model, self.plans, self.labels, looks)
         if len(free) == 2:
             return self._draw_levels(int(free[0]), int(free[1]), points)
         return self._draw_sections((free if free.size else np.arange(1))[:_MOST].tolist(), points)
@@ -182,7 +187,7 @@ class _Picture:
         along = np.unique(np.append(np.linspace(low, high, points), through[k]))
         sample = np.repeat(through[None], along.size, axis=0)
         sample[:, k] = along
-        curve = kit.Curve("value", 0, along, _values(self.model.function, sample))
+        curve = kit.Curve("value", 0, along, sampled(self.model, sample)[0])
         places = np.clip(self.points[:, k : k + 1], *self._visible_range(k))
         marks = [
             kit.Mark(label, place, np.array([value], float), n, self._look(n))  # None is NaN
@@ -205,14 +210,14 @@ class _Picture:
         along, across = np.linspace(model.lows[[a, b]], model.highs[[a, b]], points).T
         sample = np.repeat(self._through()[None], points * points, axis=0)
         sample[:, a], sample[:, b] = np.tile(along, points), np.repeat(across, points)
-        values = _values(model.function, sample).reshape(points, points)
+        values, feasible = (part.reshape(points, points) for part in sampled(model, sample))
         finite = values[np.isfinite(values)]
         corners = (along[0], across[0]), (along[-1], across[-1])
         kit.draw_box(axes, *corners, fc=_NONE, ec="none", zorder=0.5, gid="no value")
         dashed: dict[str, Any] = {"ec": kit.DARK, "ls": "--", "lw": 0.9}
         kit.draw_box(axes, *corners, fc="none", zorder=1, gid="bound", **dashed)
         keys = [kit.key("bound", **_BOUND)]
-        levels = _levels(finite)
+        levels = levels_of(finite)
         grid = along, across, values
         if levels.size > 1:
             shades = colormaps["YlGnBu_r"](np.linspace(0.05, 0.95, levels.size - 1))
@@ -230,6 +235,8 @@ class _Picture:
             keys.append(kit.key(text, marker="s", color=_SAME, ms=7))
         if finite.size < values.size:
             keys.append(kit.key("no value", marker="s", color=_NONE, ms=7))
+        if not feasible.all():
+            keys.append(shade_infeasible(axes, along, across, feasible))
         limits = np.array([self._visible_range(k) for k in (a, b)])
         spots = np.clip(self.points[:, [a, b]], limits[:, 0], limits[:, 1])
         looks = [self._look(k) for k in range(len(spots))]
@@ -278,33 +285,6 @@ class _Picture:
             keys.append(kit.key("through what is blocked", color=kit.RED, lw=2.4))
         scene.legend(keys)
         return scene.figure
-
-
-def _values(function: BlackBoxFunction, points: kit.Floats) -> kit.Floats:
-    """Return the values at `points`, with NaN for no value or an exception."""
-    try:
-        values = function.values(points)
-    except InvalidData:
-        if len(points) == 1:  # becomes a gap in the picture
-            return np.array([np.nan])
-        values = np.concatenate([_values(function, point[None]) for point in points])
-    return np.where(np.isfinite(values), values, np.nan)
-
-
-def _levels(values: kit.Floats) -> kit.Floats:
-    """Return the increasing ends of the levels: equal shares of the values, or equal steps."""
-    if not values.size or values.min() == values.max():
-        return np.empty(0)
-    low, high = float(values.min()), float(values.max())
-    shares = np.quantile(values, np.linspace(0, 1, _LEVELS + 1))
-    bounds = [low]
-    for level in shares[1:-1].tolist():
-        if min(level - bounds[-1], high - level) > _APART * (high - low):
-            bounds.append(level)
-    # Equal shares are uninformative for flat functions with a narrow well or spike.
-    if len(bounds) <= _LEVELS // 2:
-        bounds = np.linspace(low, high, _LEVELS // 2 + 1).tolist()
-    return np.unique([*bounds, high])
 
 
 # -- paths in motion -------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...models.black_box.model import BlackBoxMinimisation
 from ...models.black_box.plan import BlackBoxPoint
+from ...models.verification import Verification
 from ..run.diagnosis import Diagnosis, Finding
 
 __all__ = ["diagnose_black_box"]
@@ -45,9 +46,19 @@ def diagnose_black_box(model: BlackBoxMinimisation, time_limit: float | None = N
     places = list(_places(model, free))
     checks = [model.verify(BlackBoxPoint(tuple(x.tolist()))) for _, x in places]
     values = [check.objective for check in checks]
-    known = [value for value in values if value is not None]
-    findings = (*_ranges(model, free), *_values(places, values))
-    if known:
+    known = [check.objective for check in checks if check.ok and check.objective is not None]
+    findings = (*_ranges(model, free), *_values(places, values), *_constraints(places, checks))
+    if known and model.columns > 1:
+        summary = (
+            f"a plan exists: all constraints hold at {len(known)} of {len(places)} points, with the least objective "
+            f"{min(known):.6g}; nothing is proven of the least value of all"
+        )
+    elif any(value is not None for value in values) and not known:
+        summary = (
+            f"not settled: constraints are violated at all of {len(places)} points, and values alone cannot show "
+            "that they are violated everywhere"
+        )
+    elif known:
         summary = (
             f"a plan exists: the function has a value at {len(known)} of {len(places)} points, the least "
             f"{min(known):.6g}; nothing is proven of the least value of all"
@@ -65,7 +76,7 @@ def _places(model: BlackBoxMinimisation, free: NDArray[np.int64]) -> Iterator[tu
     """Yield the centre and corners with their names."""
     # The sum of both bounds may overflow, the sum of their halves does not.
     centre = np.clip(model.lows / 2 + model.highs / 2, model.lows, model.highs)
-    yield "the centre", centre
+    yield "the centre", model.layout.canonical(centre)
     if not free.size:
         return
     few = free.size <= _CORNERS
@@ -74,7 +85,7 @@ def _places(model: BlackBoxMinimisation, free: NDArray[np.int64]) -> Iterator[tu
         corner = centre.copy()
         corner[free] = np.where(high, model.highs[free], model.lows[free])
         words = ", ".join("high" if side else "low" for side in high)
-        yield f"the corner ({words}{'' if few else ', …'})", corner
+        yield f"the corner ({words}{'' if few else ', …'})", model.layout.canonical(corner)
 
 
 def _ranges(model: BlackBoxMinimisation, free: NDArray[np.int64]) -> Iterator[Finding]:
@@ -100,7 +111,7 @@ def _ranges(model: BlackBoxMinimisation, free: NDArray[np.int64]) -> Iterator[Fi
             where=f"x[{widest}]",
             data={"ratio": float(width.max() / width.min())},
         )
-    if model.budget < 10 * free.size:
+    if model.budget < 10 * free.size * model.repeats:
         yield Finding(
             f"{free.size} free variables and a budget of {model.budget}: fewer than 10 evaluations for "
             "each teach a search little",
@@ -116,3 +127,15 @@ def _values(places: list[tuple[str, Floats]], values: list[float | None]) -> Ite
         yield Finding(f"at {name} {text}", where=name, data={"x": x.tolist(), "value": value})
     if len(values) > 1 and None not in values and len(set(values)) == 1:
         yield Finding("all these values are the same: the function may not depend on its variables")
+
+
+def _constraints(places: list[tuple[str, Floats]], checks: list[Verification]) -> Iterator[Finding]:
+    """Yield the constraints that are violated at each place."""
+    for (name, x), verification in zip(places, checks, strict=True):
+        for check in verification.checks:
+            if not check.ok and check.name in ("inequalities", "equalities"):
+                yield Finding(
+                    f"at {name} {check.where} is violated by {check.worst:.6g}",
+                    where=name,
+                    data={"x": x.tolist(), "constraint": check.where, "violation": check.worst},
+                )

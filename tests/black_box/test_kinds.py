@@ -243,3 +243,41 @@ def test_a_front_is_verified_by_its_hypervolume():
             model.as_plan(data)
     with pytest.raises(InvalidData, match="front must be None for a model with one objective"):
         box("sphere", *UNIT).verify(plan)
+
+
+# -- pictures and diagnosis ----------------------------------------------------------------------------
+
+
+def test_infeasible_points_are_shaded_and_fronts_are_points():
+    pytest.importorskip("matplotlib")
+    disc = box(lambda x: [x.sum(), ((x - 0.5) ** 2).sum() - 0.04], *UNIT, inequalities=1)
+    axes = ct.plot(disc, BlackBoxPoint((0.5, 0.5)), points=31).axes[0]
+    assert any(part.get_gid() == "infeasible" for part in axes.collections)
+    plain = ct.plot(box("sphere", *UNIT), BlackBoxPoint((0.5, 0.5)), points=11).axes[0]
+    assert not any(part.get_gid() == "infeasible" for part in plain.collections)
+    for count in (2, 3):
+        model = box(
+            lambda x, n=count: [x[0], 1 - x[0], x[1]][:n],
+            *UNIT,
+            objectives=count,
+            reference=[1] * count,
+        )
+        plan = model.as_plan({"x": [0.5, 0], "front": [[0.25, 0], [0.5, 0], [0.75, 0]]})
+        panels = ct.plot(model, plan).axes
+        assert len(panels) == (1 if count == 2 else 3)
+        (points,) = [
+            line
+            for line in panels[0].lines
+            if len(line.get_xdata()) == 3 and line.get_marker() == "o"
+        ]
+        np.testing.assert_array_equal(points.get_xydata(), [[0.25, 0.75], [0.5, 0.5], [0.75, 0.25]])
+
+
+def test_a_diagnosis_names_violated_constraints():
+    found = ct.diagnose(
+        box(lambda x: [x[0], 0.75 - x[0]], (0, 1), variables=["integer"], inequalities=1)
+    )
+    assert found.feasible is True and "all constraints hold at 1 of 3 points" in found.summary
+    assert "at the corner (low) g[0] is violated by 0.75" in str(found)
+    never = ct.diagnose(box(lambda x: [x[0], 1.0], (0, 1), inequalities=1))
+    assert never.feasible is None and "violated at all of 3 points" in never.summary

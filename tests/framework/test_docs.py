@@ -29,6 +29,7 @@ SLOW = {
         "plot_attractor.py",
         "plot_bases_and_backends.py",
         "plot_black_box.py",
+        "plot_constrained_black_box.py",
         "plot_guided_path.py",
         "plot_map_to_flight.py",
         "plot_messenger.py",
