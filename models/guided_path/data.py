@@ -6,17 +6,19 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, Optional, declared
-from ..inputs import Field, FloatArray, Names, Numbers
+from ..fields import Array, Optional, Real, declared
+from ..inputs import Field, FloatArray, FloatsOrNone, Names, Numbers
 from ..labels import Ids
 from ..model import Model
 from .plan import GuidedPathPlan
 from .relation import Chains, chain_cover, closure_of, joined_chains, sorted_customers
+from .track import End, Track, TrackSpec
 
 __all__ = ["MOST", "GuidedPathData"]
 
@@ -39,6 +41,22 @@ class GuidedPathData(Model[GuidedPathPlan]):
         Array(("pairs", 2), int, lower=0), default=()
     )
     ids: Names = declared(Optional(Ids()), default=None)
+    end: Field[float | str | None, float | str | None] = declared(End(), default=None, added=True)
+    loads: FloatsOrNone = declared(Optional(Array(("n",))), default=None, added=True)
+    capacity: float | None = declared(Optional(Real(lower=0)), default=None, added=True)
+    speed: float | None = declared(
+        Optional(Real(lower=0, strict=True, unit="m/s")), default=None, added=True
+    )
+    service: FloatsOrNone = declared(
+        Optional(Array(("n",), lower=0, unit="s")), default=None, added=True
+    )
+    windows: FloatsOrNone = declared(
+        Optional(Array(("n", 2), infinity=1, unit="s")), default=None, added=True
+    )
+    track: Field[Any, str | Track] = declared(TrackSpec(), default="line", added=True)
+    vehicles: FloatsOrNone = declared(
+        Optional(Array(("vehicles",), unit="m")), default=None, added=True
+    )
 
     def check(self) -> None:
         """Validate customer numbers, and reject chains with a common customer and cycles."""
@@ -92,6 +110,17 @@ class GuidedPathData(Model[GuidedPathPlan]):
     def label(self, customer: int) -> str:
         """Return the name of `customer`: its id, or its number if the model has no ids."""
         return str(customer if self.ids is None else self.ids[customer])
+
+    @cached_property
+    def positions(self) -> NDArray[np.float64]:
+        """Coordinates in m; in a tree the distances from node 0, for pictures, shape (n + 1,)."""
+        if isinstance(track := self.track, Track) and track.edges:
+            ways = [
+                min(float(track.nodes[0, node]) + way for node, way in track.ends(k, float(x)))
+                for k, x in enumerate(self.coordinates)
+            ]
+            return np.array(ways)
+        return self.coordinates
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
+from ...errors import UnsupportedFormulation
 from ..formulation import Formulation
 from ..programs.linear import MixedIntegerProgram
 from .data import GuidedPathData
+from .extensions import name_unsupported
 from .gaps import Gaps
 from .model import GuidedPathTour
 from .plan import GuidedPathPlan
@@ -19,12 +21,17 @@ __all__ = ["KeptFormulation"]
 
 @dataclass(frozen=True, eq=False)
 class KeptFormulation(Formulation[GuidedPathTour, GuidedPathPlan]):
-    """Base of formulations without the customers that every tour passes in time."""
+    """Base of formulations without the customers that every tour passes in time.
+
+    Models with optional fields that change the feasible plans raise ``UnsupportedFormulation``.
+    """
 
     program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
 
     @cached_property
     def _reduced(self) -> tuple[GuidedPathData, tuple[int, ...]]:
+        if reason := name_unsupported(self.model):
+            raise UnsupportedFormulation(f"formulation {self.name!r} does not cover {reason}")
         return reduced(self.model)
 
     @property

@@ -13,7 +13,9 @@ import numpy as np
 from ..verification import TOLERANCE, Verification
 from .checks import verify_tour
 from .data import GuidedPathData
+from .extensions import check_extensions, extensions_of
 from .plan import GuidedPathPlan
+from .schedule import walk_of
 
 __all__ = ["GuidedPathTour"]
 
@@ -39,12 +41,35 @@ class GuidedPathTour(GuidedPathData):
         chains or instead of them.
     ids : sequence of int or str, optional
         Names of the start and the customers.
+    end : None, "free" or float
+        End of the tour: the start, the last customer, or a coordinate in m.
+    loads : ndarray, shape (n + 1,), optional
+        Load at the start (entry 0) and the signed change at each customer, in any unit. The load must
+        stay in 0 … `capacity`. With several vehicles, each one starts with entry 0.
+    capacity : float, optional
+        Largest load; None for no limit.
+    speed : float, optional
+        Speed in m/s. It determines times; windows need it.
+    service : ndarray, shape (n + 1,), optional
+        Duration of service in s; entry 0 before the departure.
+    windows : ndarray, shape (n + 1, 2), optional
+        Earliest and latest begin of service in s; infinity (null in JSON) for no latest time.
+        The vehicle may wait. Row 0: earliest begin at the start, and latest time at the end of the tour.
+        Windows are constraints; the objective remains the length.
+    track : "line", Track or dict
+        ``{"loop": length}`` (m): coordinates are distances from the origin of the loop, and the vehicle
+        takes the shorter way. ``{"tree": edges, "at": edge of each stop}``: edges are triples of two nodes
+        from 0 and a length in m, and coordinates are distances from the first node of the edge.
+    vehicles : ndarray, shape (m,), optional
+        Starts of all vehicles on the line in ascending order, in m, the first at ``coordinates[0]``. They
+        cannot pass one another, and each returns to its start. A chain is served by one vehicle. The
+        objective is the total length, including the ways on which a vehicle makes room for another one.
 
     Raises
     ------
     InvalidData
-        No customers, an unknown customer number, a customer in two chains, a cycle, or NaN. The
-        message contains field, place and value.
+        No customers, an unknown customer number, a customer in two chains, a cycle, NaN, or optional
+        fields that contradict one another. The message contains field, place and value.
 
     Examples
     --------
@@ -65,9 +90,19 @@ class GuidedPathTour(GuidedPathData):
     }
     default_formulation: ClassVar[str] = "sweeps"
 
+    def check(self) -> None:
+        """Validate the relation and the optional fields."""
+        super().check()
+        check_extensions(self)
+
     @property
     def preferred_backend(self) -> str:
-        """Dynamic programming for two chains, 4 to 6 times faster than A*; otherwise empty."""
+        """``track-search`` for optional fields, dynamic programming for two chains; otherwise empty.
+
+        The dynamic program is 4 to 6 times faster than A* for two chains.
+        """
+        if extensions_of(self):
+            return "track-search"
         pairs = self.pairs
         plain = len(pairs) == len(dict(pairs)) == len({after for _, after in pairs})
         heads = {before for before, _ in pairs} - {after for _, after in pairs}
@@ -99,4 +134,26 @@ class GuidedPathTour(GuidedPathData):
             words.append(f"{len(self.chains)} chain{'s' if len(self.chains) > 1 else ''}")
         if len(self.precedence):
             words.append(f"{len(self.precedence)} pair{'s' if len(self.precedence) > 1 else ''}")
+        if self.vehicles is not None:
+            words.append(f"{len(self.vehicles)} vehicles")
+        words += [name for name in extensions_of(self) if name != "vehicles"]
         return ", ".join(words)
+
+    def details(self, plan: GuidedPathPlan) -> list[dict[str, Any]]:
+        """Return one row per stop with vehicle, place, distance, time and load; see :meth:`.Model.details`."""
+        if not extensions_of(self) and self.speed is None:
+            return []
+        walk = walk_of(self, plan)
+        rows = zip(walk.stops, walk.vehicles, walk.places, walk.walked, strict=True)
+        return [
+            {
+                "stop": k,
+                "customer": self.label(stop),
+                "vehicle": vehicle,
+                "position": float(place),
+                "walked": float(walked),
+                "begin": None if self.speed is None else float(walk.begin[k]),
+                "load": None if self.loads is None else float(walk.load[k]),
+            }
+            for k, (stop, vehicle, place, walked) in enumerate(rows)
+        ]

@@ -17,15 +17,18 @@ class GuidedPathPlan(Plan):
     Parameters
     ----------
     order : tuple of int
-        The customers 1 … n, each once, without the start.
+        The customers 1 … n, each once, without the start; those of several vehicles in one sequence.
+    vehicles : tuple of int
+        Vehicle of each entry of `order`, numbered from 0 from left to right; empty for one vehicle.
 
     Raises
     ------
     InvalidData
-        `order` is not a sequence of integers.
+        `order` or `vehicles` is not a sequence of integers.
     """
 
     order: tuple[int, ...] = declared(NumberTuple(("n",), int))
+    vehicles: tuple[int, ...] = declared(NumberTuple(("m",), int), default=(), added=True)
 
     def __str__(self) -> str:
         return "-".join(map(str, (0, *self.order, 0)))

@@ -13,9 +13,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ...errors import InvalidData
+from ...errors import InvalidData, UnsupportedFormulation
 from ..fields import required
 from .data import GuidedPathData
+from .extensions import name_unsupported
 from .plan import GuidedPathPlan
 
 __all__ = ["kept_order", "length_of", "passed", "reduced", "served"]
@@ -48,7 +49,14 @@ def reduced(
     GuidedPathData, tuple of int
         The smaller model, whose relation is given by precedence; and the number in `model` of its
         start and of each of its customers, in increasing order. Results are cached per model.
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The model has optional fields, with which passing a customer without service may be better.
     """
+    if reason := name_unsupported(model):
+        raise UnsupportedFormulation(f"the smaller model does not cover {reason}")
     results = _REDUCED.setdefault(model, {})
     if passing not in results:
         results[passing] = _reduced(model, passing)

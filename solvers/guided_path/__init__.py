@@ -5,6 +5,7 @@ BACKENDS = {
     "dynamic-programming": ".dynamic_programming:DynamicProgramming",
     "insert-nearest": ".insertion:InsertNearest",
     "insert-index": ".insertion:InsertIndex",
+    "track-search": ".track_search:TrackSearch",
     "greedy": ".insertion:Greedy",
 }
 DIAGNOSES = {"guided-path-tour": ".diagnosis:diagnose_tour"}

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import clock
+from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
 from ...models.guided_path.walks import length_of, reduced, served
@@ -97,6 +98,10 @@ class AStar(Backend):
     }
     summary = "exact, by bounds on how often each gap is crossed; ours"
 
+    def refuses(self, problem: Any) -> str:
+        """Return the optional fields of `problem` that the search does not cover."""
+        return name_unsupported(problem)
+
     def starter(self, problem: Any) -> str:
         """Return the paper's Algorithm 6 for tours that an exact search may not finish in time."""
         return "insert-nearest" if problem.size > LARGE else ""
@@ -104,6 +109,7 @@ class AStar(Backend):
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Solve the problem and return the answer with its termination."""
         begin = clock()
+        self.require_support(problem)
         search = _Search(problem, request)
         search.solve()
         limit = None if search.proven else request.control.reason or search.limit

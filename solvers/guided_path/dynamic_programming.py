@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.guided_path.data import GuidedPathData
+from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
 from ...models.guided_path.walks import length_of, reduced, served
@@ -135,18 +136,24 @@ class DynamicProgramming(Backend):
     }
 
     def refuses(self, problem: Any) -> str:
-        """Return the reason if the table would be too large, otherwise an empty string."""
+        """Return optional fields that the table does not cover, or the reason if it would be too large."""
+        if reason := name_unsupported(problem):
+            return reason
         small, _ = reduced(problem)
         return _too_large(small.cover)
 
     def starter(self, problem: Any) -> str:
         """Return the paper's Algorithm 6 for tables that take long to fill."""
+        if name_unsupported(problem):
+            return ""
         small, _ = reduced(problem)
         return "insert-nearest" if _entries(small.cover) > LARGE else ""
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Fill the table, and trace the shortest tour."""
         begin = clock()
+        if reason := name_unsupported(problem):
+            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {reason}")
         small, numbers = reduced(problem, passing=request.options["passing"])
         reason = _too_large(small.cover)
         if reason:

@@ -13,12 +13,13 @@ pairs always exists.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ...jit import clock
 from ...models.guided_path.data import GuidedPathData
+from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
 from ...models.guided_path.walks import length_of, passed, reduced, served
@@ -71,9 +72,14 @@ class ChainBackend(Backend):
     #: Kernel that fills in the order and returns whether it finished, see :func:`merge_nearest`.
     loop: ClassVar[Callable[..., bool]]
 
+    def refuses(self, problem: Any) -> str:
+        """Return the optional fields of `problem` that the heuristics do not cover."""
+        return name_unsupported(problem)
+
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Build the tour and return the answer."""
         begin = clock()
+        self.require_support(problem)
         small, numbers = reduced(problem, passing=False)
         chains = ordered_chains(problem, numbers, small.cover)
         members = np.array([c for chain in chains for c in chain], np.int64)

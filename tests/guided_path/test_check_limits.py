@@ -1,5 +1,6 @@
 """Violations detected by each check of a guided vehicle's tour; checks are counts, so one suffices."""
 
+import dataclasses
 import itertools
 
 import pytest
@@ -25,6 +26,29 @@ FAULTS = {
         ([3, 1, 2, 4], "d before b"),
     ],
 }
+
+
+#: Faults of a tour with optional fields: order, vehicles and place, and the largest violation.
+FIELD_FAULTS = {
+    "load within 0 … capacity": [((1, 3, 2), (0, 0, 0), "customer 3", 1.0)],
+    "chain served by one vehicle": [((1, 3, 2), (0, 1, 1), "chain 0", 1.0)],
+    "begin within the time window": [((3, 1, 2), (1, 0, 0), "customer 3", 2.0)],
+    "end of the tour in time": [((1, 2, 3), (1, 1, 1), "end of the tour", 8.0)],
+}
+
+
+def extended(scale, shut=30.0):
+    """Two vehicles at -1 and 4 that serve 1 (pick up) and 2 (set down) at 1 and -2, and 3 at 4."""
+    return GuidedPathTour(
+        [scale * x for x in (-1.0, 1.0, -2.0, 4.0)],
+        chains=[[1, 2]],
+        vehicles=[-1.0 * scale, 4.0 * scale],
+        loads=[0.0, 1.0, -1.0, 1.0],
+        capacity=1.0,
+        speed=scale,
+        windows=[[0.0, shut], [0.0, 9.0], [0.0, None], [0.0, None]],
+        service=[0.0, 1.0, 1.0, 5.0],
+    )
 
 
 def tour(scale):
@@ -56,6 +80,32 @@ def test_a_tour_without_fault_is_accepted(order, scale):
     assert found.objective == pytest.approx(scale * length, rel=1e-12)
 
 
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_the_end_of_a_tour_may_be_late_by_the_tolerance(scale, share):
+    # Vehicle 0 serves 1 and 2 and returns: 2 + 1 + 3 + 1 + 1 = 8 s. Vehicle 1 needs 5 s.
+    model = extended(scale, 8.0 / (1 + share * 1e-6))
+    found = model.verify(GuidedPathPlan((1, 2, 3), (0, 0, 1)))
+    assert [check.name for check in found.violated] == ["end of the tour in time"] * (share > 1)
+    assert found.objective == pytest.approx(6 * scale, rel=1e-12)
+
+
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize(("name", "fault"), pairs(FIELD_FAULTS))
+def test_one_fault_of_an_optional_field_is_named(name, fault, scale):
+    order, vehicles, where, worst = fault
+    model = extended(scale, 11.0 if name == "end of the tour in time" else 30.0)
+    if name == "begin within the time window":
+        model = dataclasses.replace(
+            model, windows=[[0, 30], [0, 9], [0, None], [2, 3]], service=[5, 1, 1, 5]
+        )
+    found = model.verify(GuidedPathPlan(order, vehicles))
+    assert_only(name, found)
+    (check,) = found.violated
+    assert check.where == where
+    assert check.worst == pytest.approx(worst)
+
+
 @pytest.mark.parametrize("customer", [0, 5, -1])
 def test_a_customer_that_does_not_exist_is_refused(customer):
     with pytest.raises(InvalidData, match=rf"order\[1\] must be in 1 … 4, got {customer}"):
@@ -63,4 +113,7 @@ def test_a_customer_that_does_not_exist_is_refused(customer):
 
 
 def test_every_check_is_tested():
-    assert_complete(FAULTS, [tour(1.0).verify(GuidedPathPlan([3, 1, 4, 2]))], checks)
+    found = extended(1.0).verify(GuidedPathPlan((1, 2, 3), (0, 0, 1)))
+    assert_complete(
+        FAULTS | FIELD_FAULTS, [tour(1.0).verify(GuidedPathPlan([3, 1, 4, 2])), found], checks
+    )
