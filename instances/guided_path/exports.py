@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import numpy as np
-
-from ...errors import InvalidData
+from ...errors import InvalidData, UnsupportedFormulation
 from ...files import write_text
 from ...models.fields import required
+from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
+from ...models.guided_path.schedule import walk_of
 from ..exports import ExportFormat
 from ..tables import write_rows
 
@@ -25,7 +25,8 @@ def write_stops_csv(
 
     The columns are ``stop,customer,x,walked``: the number of the stop from 0, the name of the
     customer, its coordinate and the distance walked up to it, in m. The first and the last row are
-    the start. The file is written atomically.
+    the start. With optional fields, the columns ``vehicle``, ``begin`` (s) and ``load`` follow, and the last
+    row is the end. The file is written atomically.
 
     Parameters
     ----------
@@ -43,11 +44,19 @@ def write_stops_csv(
         The plan contains an unknown customer, or the file cannot be written.
     """
     stops = _stops(plan, model)
-    places = model.coordinates[stops]
-    walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(places)))])
-    labels = map(model.label, stops)
-    rows = zip(range(len(stops)), labels, places.tolist(), walked.tolist(), strict=True)
-    return write_rows(path, ("stop", "customer", "x", "walked"), rows)
+    walk, names = walk_of(model, plan), ["stop", "customer", "x", "walked"]
+    places = model.coordinates[stops].tolist()
+    places[-1] = (
+        model.end if isinstance(model.end, float) else places[-2 if model.end == "free" else -1]
+    )
+    columns = [range(len(stops)), map(model.label, stops), places, walk.walked.tolist()]
+    if model.vehicles is not None:
+        names, columns = [*names, "vehicle"], [*columns, walk.vehicles]
+    if model.speed is not None:
+        names, columns = [*names, "begin"], [*columns, walk.begin.tolist()]
+    if model.loads is not None:
+        names, columns = [*names, "load"], [*columns, walk.load.tolist()]
+    return write_rows(path, names, zip(*columns, strict=True))
 
 
 def write_tour(
@@ -72,7 +81,11 @@ def write_tour(
     ------
     InvalidData
         The plan contains an unknown customer, or the file cannot be written.
+    UnsupportedFormulation
+        The model has optional fields.
     """
+    if reason := name_unsupported(model):
+        raise UnsupportedFormulation(f"a tour of TSPLIB does not cover {reason}")
     stops = _stops(plan, model)
     nodes = [*(stop + 1 for stop in stops[:-1]), model.size + 1]
     head = [
@@ -93,6 +106,7 @@ def _stops(plan: GuidedPathPlan, model: GuidedPathTour) -> list[int]:
         raise InvalidData(
             f"order must hold customers 1 … {model.size - 1}, got {other}", field="order"
         )
+    model.verify(plan)  # rejects unknown vehicles
     return [0, *order, 0]
 
 

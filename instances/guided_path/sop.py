@@ -15,10 +15,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData
+from ...errors import InvalidData, UnsupportedFormulation
 from ...files import as_path, write_text
 from ...models.fields import required
 from ...models.guided_path.data import MOST
+from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ..sections import KeywordFile
 
@@ -193,8 +194,12 @@ def write_sop(model: GuidedPathTour, path: str | os.PathLike[str]) -> Path:
     ------
     InvalidData
         The file cannot be written.
+    UnsupportedFormulation
+        The model has optional fields.
     """
     places = required("model", model, GuidedPathTour).coordinates
+    if reason := name_unsupported(model):
+        raise UnsupportedFormulation(f"a sequential ordering problem does not cover {reason}")
     size = model.size + 1
     whole = bool((places == np.round(places)).all() and np.abs(places).max() < 2**52)
     # The distance of the unused arc must exceed all others.

@@ -1,10 +1,11 @@
 """Stops of a guided vehicle in CSV and Excel files, and instances that refer to such or to SOP files.
 
-A file has a header with the column ``coordinate`` and any of ``id``, ``chain``, ``place`` and ``after``, in
-any order. The first row below it is the start. Rows with the same entry of ``chain`` form a chain,
+A file has a header with the column ``coordinate`` and any of ``id``, ``chain``, ``place``, ``after``,
+``load``, ``service``, ``earliest`` and ``latest``, in any order. The first row below it is the start. Rows with the same entry of ``chain`` form a chain,
 in the order of ``place``, or of the rows if this column is missing. An empty cell means no chain. A
 cell of ``after`` lists the stops that must precede, separated by spaces: by their ids, or without
-ids by their row numbers, where the start has number 0.
+ids by their row numbers, where the start has number 0. Empty cells of ``load``, ``service`` and
+``earliest`` are 0, those of ``latest`` have no limit. Windows need a speed in the instance that names the file.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from ...errors import InvalidData
 from ...models.fields import show
 from ..storage import Find, reference
 from ..tables import Column, TableOptions, read_table
-from ..units import LENGTHS
+from ..units import LENGTHS, TIMES
 from .sop import read_sop
 
 __all__ = ["read_stops", "resolve_references"]
@@ -29,6 +30,11 @@ _COLUMNS = (
     Column("chain", text=True, empty=True, optional=True),
     Column("place", empty=True, optional=True),
     Column("after", text=True, empty=True, optional=True),
+    Column("load", field="loads", empty=True, optional=True),
+    *(
+        Column(name, field=field, empty=True, optional=True, units=TIMES, bare=True)
+        for name, field in (("service", "service"), ("earliest", "windows"), ("latest", "windows"))
+    ),
 )
 
 
@@ -45,8 +51,8 @@ def read_stops(path: str | os.PathLike[str], **options: Unpack[TableOptions]) ->
     Returns
     -------
     dict
-        ``coordinates`` (m), and ``chains``, ``precedence`` and ``ids`` if the file has them: the
-        arguments of :class:`~crosstrack.models.guided_path.GuidedPathTour`.
+        ``coordinates`` (m), and ``chains``, ``precedence``, ``ids``, ``loads``, ``service`` (s) and
+        ``windows`` (s) if the file has them: the arguments of :class:`~crosstrack.models.guided_path.GuidedPathTour`.
 
     Raises
     ------
@@ -61,7 +67,8 @@ def read_stops(path: str | os.PathLike[str], **options: Unpack[TableOptions]) ->
     table = read_table(
         path,
         _COLUMNS,
-        "coordinate, with id, chain, place in the chain and after if they have any",
+        "coordinate, with id, chain, place in the chain, after, load, service, earliest and latest if they "
+        "have any",
         row="stop",
         field="coordinates",
         suits=lambda names: "chain" in names or "place" not in names,
@@ -89,6 +96,13 @@ def read_stops(path: str | os.PathLike[str], **options: Unpack[TableOptions]) ->
             for row, text in enumerate(table["after"])
             for name in text.split()
         ]
+    for column, field in (("load", "loads"), ("service", "service")):
+        if column in table:
+            data[field] = [value or 0.0 for value in table[column]]
+    if "earliest" in table or "latest" in table:
+        empty = [None] * len(names)
+        early, late = table.get("earliest", empty), table.get("latest", empty)
+        data["windows"] = [(a or 0.0, b) for a, b in zip(early, late, strict=True)]
     return data
 
 
