@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from ..verification import Check, Verification
 from .data import GuidedPathData
 from .model import GuidedPathTour
 from .plan import GuidedPathPlan
+from .schedule import Walk, walk_of
 
 __all__ = ["animate_tour", "draw"]
 
@@ -61,8 +62,9 @@ def draw(
     parts : sequence of {"chains", "tour"}, optional
         Panels: the customers of each chain in a row, and the tour. Default: both if the chains are
         few, otherwise the tour.
-    over : {"walked", "stops"}
-        Vertical axis of the tour: distance walked, or number of the stop.
+    over : {"walked", "stops", "time"}
+        Vertical axis of the tour: distance walked by all vehicles, number of the stop, or time with the
+        windows as bars. Time needs a speed and a single vehicle.
     lines : bool, optional
         Whether to join the customers of a chain in the tour. Default: True if the chains are few.
     labels : bool, optional
@@ -79,7 +81,9 @@ def draw(
         shown = tuple(part for part in _PARTS if part in requested)
     if "tour" in shown and plan is None:
         raise UnsupportedOption("parts can contain 'tour' only if plan is given")
-    kit.check_choice("over", over, "walked", "stops")
+    kit.check_choice("over", over, "walked", "stops", "time")
+    if over == "time" and (model.speed is None or model.vehicles is not None):
+        raise UnsupportedOption("over can be 'time' only with a speed and a single vehicle")
     kit.check_flags(optional=True, lines=lines, labels=labels)
     result = kit.verified_plan(model, plan, GuidedPathPlan, tolerance)
     words = [model.describe()]
@@ -99,14 +103,17 @@ def draw(
         foot = scene.tall - top - high[part] * unit + 0.12
         axes = scene.axes(0.86, foot, 0.16, top)
         top += high[part] * unit
-        scale = dress_line(axes, model, labelled=part == shown[-1])
-        if part == "chains":
+        walk = None if part == "chains" else walk_of(model, required("plan", plan, GuidedPathPlan))
+        scale = dress_line(axes, model, walk, labelled=part == shown[-1])
+        if walk is None:
             keys += _draw_chains(model, groups, owners, axes, scale, names, result)
         else:
-            assert plan is not None
             joined = lines if lines is not None else len(groups) <= _MOST_LINES
-            at = dress_walk(axes, walk := walk_of(model, plan), scale, over)
-            keys += _draw_tour(model, groups, owners, walk, axes, at, scale, joined)
+            at = dress_walk(axes, walk, scale, over)
+            if over == "time" and model.windows is not None:
+                keys += _draw_windows(model, walk, axes, at)
+            tracks = lines_of(model, walk, at, scale, over)
+            keys += _draw_tour(model, groups, owners, walk, axes, at, tracks, scale, joined)
             _pin_tour(model, walk, axes, at, result)
             if names:
                 _draw_names(model, walk, at, axes)
@@ -149,7 +156,7 @@ def _draw_chains(
     heights = np.full(model.size, float(len(groups)))
     for k, group in enumerate(groups):
         heights[list(group)] = k + _FILL * (np.linspace(0.0, 1.0, len(group)) - 0.5)
-    at = np.column_stack([model.coordinates * scale, heights])
+    at = np.column_stack([model.positions * scale, heights])
     for k, group in enumerate(groups):
         look: dict[str, Any] = {"color": kit.colour_of(k), "lw": 1.0, "alpha": 0.7, "zorder": 3}
         axes.plot(*at[list(group)].T, gid="chain", **look)
@@ -183,11 +190,12 @@ def _draw_chains(
 
 def _draw_tour(
     model: GuidedPathTour, groups: Groups, owners: NDArray[np.int64], walk: Walk, axes: Any,
-    at: kit.Floats, scale: float, joined: bool,
+    at: kit.Floats, lines: list[kit.Floats], scale: float, joined: bool,
 ) -> list[Any]:  # fmt: skip
     """Draw the position of the vehicle and the customers served; return entries of the legend."""
     width = 1.3 if len(at) <= _MOST_LARGE else 0.8
-    axes.plot(*at.T, color=kit.DARK, lw=width, zorder=4, gid="vehicle")
+    for line in lines:
+        axes.plot(*line.T, color=kit.DARK, lw=width, zorder=4, gid="vehicle")
     keys = [kit.key("vehicle", color=kit.DARK, lw=1.3)]
     served = np.array(walk.stops[1:-1], int)
     first: dict[int, int] = {}
@@ -207,13 +215,23 @@ def _draw_tour(
         kit.draw_lines(axes, at[np.array(broken)], gid="wrong order", zorder=6, **red)
         keys.append(kit.key("wrong order", **red))
     _mark(axes, served, at[1:-1], owners)
-    kit.dots(axes, at[[0, -1]], "s", "white", **_START)
+    kit.dots(axes, np.concatenate([line[[0, -1]] for line in lines]), "s", "white", **_START)
     times = np.bincount(served, minlength=model.size)
     never = np.flatnonzero(times[1:] == 0) + 1
-    missed = np.column_stack([model.coordinates[never] * scale, np.zeros(len(never))])
+    missed = np.column_stack([model.positions[never] * scale, np.zeros(len(never))])
     _mark(axes, never, missed, owners)
     repeated = at[1:-1][times[served] > 1]
     return keys + kit.ring(axes, np.concatenate([repeated, missed]), "not served once")
+
+
+def _draw_windows(model: GuidedPathTour, walk: Walk, axes: Any, at: kit.Floats) -> list[Any]:
+    """Draw the time window of each stop as a bar; return the entry of the legend."""
+    assert model.windows is not None
+    high = axes.get_ylim()[0]
+    for (x, _), (earliest, latest) in zip(at[:-1], model.windows[walk.stops[:-1]], strict=True):
+        times = [max(earliest, 0.0), min(latest, high)]
+        axes.plot([x, x], times, color=kit.GREY, lw=4, alpha=0.35, zorder=2, gid="window")
+    return [kit.key("time window", color=kit.GREY, lw=4, alpha=0.35)]
 
 
 def _pin_tour(
@@ -227,6 +245,8 @@ def _pin_tour(
         name = next((n for n in stops if words == n or words.startswith(f"{n} before ")), None)
         if name is not None:
             return at[stops[name]]
+        if check.where == "end of the tour":
+            return at[-1]
         labels = [f"customer {model.label(customer)}" for customer in range(model.size)]
         return at[0] if check.where in labels else None
 
@@ -267,14 +287,16 @@ def animate_tour(
     model.verify(plan)  # rejects an unknown customer
     walk = walk_of(model, plan)
     axes = stage.axes(0.8, 1.0, 0.2, stage.head)
-    scale = dress_line(axes, model, labelled=True)
+    scale = dress_line(axes, model, walk, labelled=True)
     at = dress_walk(axes, walk, scale)
+    lines = lines_of(model, walk, at, scale)
     colours = np.full(model.size, look_of(-1)["color"], object)
     for k, group in enumerate(groups_of(model)):
         colours[list(group)] = look_of(k)["color"]
     served = colours[walk.stops[1:-1]]
-    axes.plot(*at.T, lw=0.7, ls=":", color=kit.GREY, zorder=2)
-    (way,) = axes.plot([], [], lw=1.6, color=kit.DARK, zorder=4, gid="way")
+    for line in lines:
+        axes.plot(*line.T, lw=0.7, ls=":", color=kit.GREY, zorder=2)
+    ways = [axes.plot([], [], lw=1.6, color=kit.DARK, zorder=4, gid="way")[0] for _ in lines]
     look: dict[str, Any] = {"marker": "s", "mfc": "white", "mec": kit.BLACK, "mew": 1.4}
     (vehicle,) = axes.plot([], [], ls="", ms=8, zorder=8, gid="vehicle", **look)
     customers = kit.dots(axes, at[1:-1], "o", _WAITING, size=22, zorder=6, gid="customer")
@@ -285,11 +307,13 @@ def animate_tour(
     def show(frame: int) -> str:
         # The tolerance covers the rounding of the distance walked.
         done = walk.walked <= ends[frame] * (1 + 1e-12)
-        here = [np.interp(ends[frame], walk.walked, column) for column in at.T]
-        if done.all():
-            here = at[-1].tolist()
-        way.set_data(*np.concatenate([at[done], [here]]).T)
-        vehicle.set_data(*([value] for value in here))
+        here = [
+            [np.interp(ends[frame], walk.walked, column) for column in line.T]
+            if not done.all() else line[-1].tolist() for line in lines
+        ]  # fmt: skip
+        for way, line, place in zip(ways, lines, here, strict=True):
+            way.set_data(*np.concatenate([line[done], [place]]).T)
+        vehicle.set_data(*zip(*here, strict=True))
         customers.set_facecolors(list(np.where(done[1:-1], served, _WAITING)))
         count = f"{int(done[1:-1].sum())} of {len(served)} served"
         walked, last = kit.number(float(ends[frame]), 4), kit.number(float(walk.walked[-1]))
@@ -302,25 +326,6 @@ def animate_tour(
 
 #: Markers of chains, one per cycle through the colours.
 _MARKERS = ("o", "^", "D", "v", "P")
-
-
-class Walk(NamedTuple):
-    """Stops of a tour: customers in the order of service, with the start at both ends.
-
-    Arrays have the shape (stops,): coordinates, and distances walked up to each stop, in m.
-    """
-
-    stops: list[int]
-    places: kit.Floats
-    walked: kit.Floats
-
-
-def walk_of(model: GuidedPathData, plan: GuidedPathPlan) -> Walk:
-    """Return the stops of a plan, which must contain only customers of the model."""
-    stops = [0, *plan.order, 0]
-    places = model.coordinates[stops]
-    walked = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(places)))])
-    return Walk(stops, places, walked)
 
 
 def groups_of(model: GuidedPathData) -> tuple[tuple[int, ...], ...]:
@@ -336,9 +341,25 @@ def look_of(group: int) -> dict[str, Any]:
     return {"marker": _MARKERS[group // 7 % len(_MARKERS)], "color": kit.colour_of(group)}
 
 
-def dress_line(axes: Any, model: GuidedPathData, *, labelled: bool) -> float:
+def lines_of(
+    model: GuidedPathData, walk: Walk, at: kit.Floats, scale: float, over: str = "walked"
+) -> list[kit.Floats]:
+    """Return the line of each vehicle over the vertical axis of `at`; over time with waiting and service."""
+    if over != "time" or model.speed is None:
+        return [np.column_stack([column * scale, at[:, 1]]) for column in walk.positions.T]
+    takes = np.zeros(model.size) if model.service is None else model.service
+    leave = walk.begin + takes[walk.stops]
+    came = leave[:-1] + np.diff(walk.walked) / model.speed
+    x, times = np.repeat(at[:, 0], 3)[1:-1], [walk.begin[0], leave[0]]
+    for row, time in enumerate(came, 1):
+        times += [time, walk.begin[row], leave[row]]
+    return [np.column_stack([x, times[: len(x)]])]
+
+
+def dress_line(axes: Any, model: GuidedPathData, walk: Walk | None, *, labelled: bool) -> float:
     """Set the limits of the position axis, and return the factor from metres to its unit."""
-    low, high = float(model.coordinates.min()), float(model.coordinates.max())
+    places = model.positions if walk is None else [*model.positions, *walk.positions.ravel()]
+    low, high = float(np.min(places)), float(np.max(places))
     scale, unit = kit.length_unit(high - low)
     # A line of length 0 determines no scale.
     around = 0.08 * (high - low) or max(1.0, 0.1 * abs(low))
@@ -352,7 +373,9 @@ def dress_line(axes: Any, model: GuidedPathData, *, labelled: bool) -> float:
 
 def dress_walk(axes: Any, walk: Walk, scale: float, over: str = "walked") -> kit.Floats:
     """Set the limits of the axis of the distance; return the stops' positions, shape (stops, 2)."""
-    if over == "walked":
+    if over == "time":
+        down, words = walk.begin, "time (s)"
+    elif over == "walked":
         size, unit = kit.length_unit(float(walk.walked[-1]))
         down, words = walk.walked * size, f"walked ({unit})"
     else:

@@ -179,7 +179,7 @@ def test_relations_without_chains_have_the_fewest():
         ({"parts": ["tour", "map"]}, "parts must hold some of 'chains', 'tour'"),
         ({"parts": "tour"}, "parts must hold"),
         ({"parts": []}, "parts must hold"),
-        ({"over": "time"}, "over must be 'walked' or 'stops', got 'time'"),
+        ({"over": "hours"}, "over must be 'walked', 'stops' or 'time', got 'hours'"),
         ({"lines": 1}, "lines must be True or False"),
         ({"labels": "yes"}, "labels must be True or False"),
         ({"tolerance": 0}, "tolerance must"),
