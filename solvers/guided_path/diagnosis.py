@@ -1,4 +1,7 @@
-"""Diagnosis of long tours along a path. A tour always exists, so no constraint is infeasible."""
+"""Diagnosis of long tours along a path, and of loads and windows that exclude every tour.
+
+Without optional fields a tour always exists.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,11 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from ...models.guided_path.data import GuidedPathData
+from ...models.guided_path.extensions import extensions_of
 from ...models.guided_path.gaps import Gaps
 from ...models.guided_path.model import GuidedPathTour
 from ..run.diagnosis import Diagnosis, Finding
+from .field_diagnosis import diagnose_fields
 
 __all__ = ["diagnose_tour"]
 
@@ -25,13 +30,15 @@ def diagnose_tour(model: GuidedPathTour, time_limit: float | None = None) -> Dia
     model : GuidedPathTour
         The model.
     time_limit : float, optional
-        Not used: the diagnosis needs no search.
+        Seconds for the searches on a model with optional fields; others need no search.
 
     Returns
     -------
     Diagnosis
-        Feasible in every case, with findings on the relation and on stretches of the path.
+        Findings on the relation and on stretches of the path, or the limits that exclude every plan.
     """
+    if extensions_of(model):
+        return diagnose_fields(model, _relation(model), time_limit)
     gaps = Gaps(model)
     span = float(np.ptp(model.coordinates))
     summary = (
