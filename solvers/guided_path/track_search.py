@@ -37,7 +37,7 @@ __all__ = ["TrackSearch"]
 #: Maximum number of customers: distances are a dense matrix.
 MOST = 3000
 #: Width of the first beam, growth factor, and default of the maximum width.
-NARROW, WIDER, WIDEST = 64, 8, 1 << 18
+NARROW, WIDER, WIDEST = 8, 8, 1 << 18
 #: Relative safety margin of a bound if lengths are rounded.
 SAFE = 1e-12
 
