@@ -23,8 +23,10 @@ from .track import End, Track, TrackSpec
 __all__ = ["MOST", "GuidedPathData"]
 
 
-#: Maximum number of customers: the relation is stored as a dense Boolean matrix.
-MOST = 5000
+#: Maximum number of customers.
+MOST = 20_000
+#: Maximum number of customers of :attr:`GuidedPathData.closure`, a dense Boolean matrix of 25 MB.
+MOST_DENSE = 5000
 #: Number of pairs, including implied ones, above which the minimum chain cover takes minutes.
 DENSE = 50_000
 
@@ -73,6 +75,7 @@ class GuidedPathData(Model[GuidedPathPlan]):
             )
         chain_of: dict[int, int] = {}
         for k, chain in enumerate(self.chains):
+            seen: set[int] = set()
             for place, customer in enumerate(chain):
                 name = f"chains[{k}][{place}]"
                 if customer >= self.size or (customer == 0 and place):
@@ -87,10 +90,11 @@ class GuidedPathData(Model[GuidedPathPlan]):
                         f"{chain_of[customer]} and {k}: state further pairs as precedence",
                         field="chains",
                     )
-                if chain.index(customer) != place:
+                if customer in seen:
                     raise InvalidData(
                         f"{name}: customer {customer} must be in the chain once", field="chains"
                     )
+                seen.add(customer)
         for row, (before, after) in enumerate(self.precedence.tolist()):
             for column, customer in enumerate((before, after)):
                 if not column <= customer < self.size:
@@ -136,7 +140,15 @@ class GuidedPathData(Model[GuidedPathPlan]):
 
     @cached_property
     def closure(self) -> NDArray[np.bool_]:
-        """Transitive closure: True if i must precede j, directly or indirectly, shape (size, size)."""
+        """Transitive closure: True if i must precede j, directly or indirectly, shape (size, size).
+
+        Raises :class:`InvalidData` for more than `MOST_DENSE` customers.
+        """
+        if self.size > MOST_DENSE + 1:
+            raise InvalidData(
+                f"closure is available for at most {MOST_DENSE} customers, got {self.size - 1}: use pairs",
+                field="precedence",
+            )
         matrix = closure_of(self.size, self.pairs, self.sorted_customers)
         matrix.flags.writeable = False
         return matrix
@@ -146,6 +158,6 @@ class GuidedPathData(Model[GuidedPathPlan]):
         """Minimum chain cover of the customers; a small, not minimum one if the relation is large."""
         pairs = self.pairs
         plain = len(pairs) == len(dict(pairs)) == len({after for _, after in pairs})
-        if plain or self.closure.sum() > DENSE:
+        if plain or self.size > MOST_DENSE + 1 or self.closure.sum() > DENSE:
             return joined_chains(self.size, pairs, self.sorted_customers)
         return chain_cover(self.closure, self.sorted_customers)

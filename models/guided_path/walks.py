@@ -7,6 +7,7 @@ passes it between the last predecessor and the first successor.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from heapq import heapify, heappop, heappush
 from weakref import WeakKeyDictionary
@@ -183,13 +184,15 @@ def passed(model: GuidedPathData, stops: Sequence[int]) -> tuple[int, ...]:
     """
     x = model.coordinates.tolist()
     left = sorted(set(range(1, model.size)).difference(stops), key=lambda c: (x[c], c))
+    places = [x[c] for c in left]
     order: list[int] = []
     at = x[0]
     for stop in (*stops, 0):
         low, high = sorted((at, x[stop]))
-        way = [c for c in left if low <= x[c] <= high]
+        passing = slice(bisect_left(places, low), bisect_right(places, high))
+        way = left[passing]
         if way:
-            left = [c for c in left if not low <= x[c] <= high]
+            del left[passing], places[passing]
             order += way if at <= x[stop] else way[::-1]
         order.append(stop)
         at = x[stop]

@@ -3,6 +3,7 @@
 BACKENDS = {
     "a-star": ".a_star:AStar",
     "dynamic-programming": ".dynamic_programming:DynamicProgramming",
+    "chain-search": ".chain_search:ChainSearch",
     "insert-nearest": ".insertion:InsertNearest",
     "insert-index": ".insertion:InsertIndex",
     "track-search": ".track_search:TrackSearch",

@@ -3,8 +3,8 @@
 Serving an available customer when passing it is always optimal. A state is therefore a position and
 the number of customers served in each chain, and it has at most two successors: the nearest
 available customer to the left and to the right. A* expands states by the bound of :mod:`.bound`, in
-buckets. A beam search with the same bound provides the first incumbent, and wider beams improve it
-from time to time.
+buckets. A beam search with the same bound provides the first incumbent. Wider beams and merges of its chains
+(:mod:`.chain_search`) improve it from time to time.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import UnsupportedFormulation
 from ...jit import clock
 from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
@@ -33,8 +34,9 @@ from ..contract.backend import (
 )
 from . import search_kernels as kernels
 from .beam_kernels import beam
-from .bound import Tables
-from .insertion import InsertIndex
+from .bound import SAFE, Tables, needs_of
+from .chain_search import ChainRounds, merged_starts
+from .dynamic_programming import DynamicProgramming
 from .share_kernels import Shares
 from .shares import no_shares, shares_of
 from .state_kernels import least_rest
@@ -61,16 +63,17 @@ EARLY, FOREVER = 150_000, 1 << 62
 CHUNK = 20_000
 #: Width of the first beam, growth factor of the width, and maximum width.
 NARROW, WIDER, WIDEST = 16, 2, 1 << 15
-#: Capacity of a beam per unit of its width, and maximum size of its trace in bytes.
-ROOM, TRACE = 16, 200_000_000
+#: Capacity of a beam per unit of its width, and maximum size of its trace and of its
+#: states in bytes.
+ROOM, TRACE, POOL = 16, 200_000_000, 400_000_000
+#: Expansions after which the search also merges chains of the incumbent again.
+HARD = 60_000
 #: Expansions of the search per expansion of the beams.
 SHARE = 3
 #: Number of relevant customers above which the paper's Algorithm 6 beats the first beams.
 MANY = 300
 #: Number of customers above which a run with a time limit starts with the paper's Algorithm 6.
 LARGE = 60
-#: Relative safety margin of a bound if lengths are rounded.
-SAFE = 1e-12
 
 
 class AStar(Backend):
@@ -82,10 +85,9 @@ class AStar(Backend):
     features = frozenset(
         {
             Feature.GAP, Feature.INCUMBENTS, Feature.DUAL_BOUND, Feature.INTERRUPT,
-            Feature.WARM_START,
+            Feature.SEED, Feature.WARM_START,
         }
     )  # fmt: skip
-    deterministic = True
     single_threaded = True
     options: ClassVar[Mapping[str, Option]] = {
         "states": Option(
@@ -129,8 +131,8 @@ class _Search:
 
     def __init__(self, model: GuidedPathTour, request: Request) -> None:
         self.model, self.request, self.control = model, request, request.control
-        small, numbers = reduced(model)
-        self.tables = tables = Tables.of(small)
+        self.small, numbers = reduced(model)
+        self.tables = tables = Tables.of(self.small)
         self.take(no_shares(tables))
         self.kept = [numbers[c] for c in tables.customers.tolist()]
         #: A customer at each place.
@@ -140,6 +142,8 @@ class _Search:
         self.plan: GuidedPathPlan | None = None
         self.value, self.best = math.inf, 1 << 62
         self.limit: Limit | None = None
+        self.rounds: ChainRounds | None = None
+        self.merged_value = 0
         self.width, self.widest = 0, self._widest()
         self.ended = False
 
@@ -147,7 +151,7 @@ class _Search:
         """Add these shares to the bound of the states."""
         self.shares, tables = shares, self.tables
         counts = np.zeros(tables.first.size - 1, np.int64)
-        scratch = np.empty(tables.length.size, np.int16)
+        scratch = np.empty(tables.wide.size, np.int16)
         self.root = int(least_rest(tables, shares, counts, int(tables.place[-1]), scratch))
 
     @property
@@ -177,6 +181,7 @@ class _Search:
             "states": int(self.info[kernels.COUNT]),
             "expanded": int(self.info[kernels.EXPANDED]),
             "beam width": self.width,
+            "rounds": 0 if self.rounds is None else self.rounds.rounds,
             "bound at the start": self.root * self.tables.unit,
         }
 
@@ -185,21 +190,66 @@ class _Search:
         if self.request.warm_start is not None:
             self.start(self.request.warm_start.order)
         self.start(self.model.sorted_customers)
-        if len(self.kept) > MANY:
-            merged = self.request.within(InsertIndex(), self.model, options={"passing": True}).point
-            if merged is not None:
-                self.start(merged.order)
+        large = len(self.kept) > MANY
+        if large:
+            self._start_merged()
+            if not (self.over or self._tabulate()):
+                self.merge()
         self.look()
+        if not self.over and LARGE < len(self.kept) <= MANY:
+            self._start_merged()
         if not self.over:
-            samples = self.search(EARLY)
+            start = np.array([[*[0] * (len(self.tables.first) - 1), self.tables.place[-1]]])
+            samples = start if large else self.search(EARLY)
             shares = None
             if not self.over and self.limit is None:
                 shares = shares_of(self.tables, self.best, samples, self.control.flag)
             if shares is not None:
                 self.take(shares)
                 self.search(FOREVER)
-        while not self.over and self.look():
+        while not self.over and (self.merge() or self.look()):
             self.limit = self.limit or Limit.MEMORY
+
+    def _start_merged(self) -> None:
+        for plan in merged_starts(self.model, self.request):
+            self.start(plan.order)
+
+    def _tabulate(self) -> bool:
+        """Solve the model by dynamic programming; return False if its table does not fit."""
+        table = DynamicProgramming()
+        if table.refuses(self.model):
+            return False
+        answer = self.request.within(table, self.model)
+        if answer.termination is not Termination.OPTIMAL or answer.point is None:
+            return False
+        self.start(answer.point.order)
+        self.least, self.ended = self.best, True
+        return True
+
+    def merge(self) -> bool:
+        """Continue the search by merges of chains; return False if it has settled."""
+        if self.rounds is None:
+            try:
+                need = needs_of(self.small, self.small.cover)
+            except UnsupportedFormulation:
+                return False
+            self.rounds = ChainRounds(self.tables, need, self._order(), self.request.seed)
+        if self.rounds.settled:
+            return False
+        if self.merged_value > self.best:
+            self.rounds.adopt(self._order())
+        value = self.rounds.improve(self.control.flag)
+        if value < self.best:
+            self.best = value
+            self.offer([self.kept[i] for i in self.rounds.best.tolist()])
+        self.merged_value = value
+        return True
+
+    def _order(self) -> Ints:
+        """Return the incumbent as positions in the tables."""
+        position = {c: i for i, c in enumerate(self.kept)}
+        assert self.plan is not None
+        return np.array([position[c] for c in self.plan.order if c in position], np.int64)
 
     def start(self, stops: Iterable[int]) -> None:
         """Offer the tour through the relevant customers among `stops`."""
@@ -230,7 +280,10 @@ class _Search:
         self.offer(reversed(stops))
 
     def _widest(self) -> int:
-        return max(min(WIDEST, TRACE // (16 * len(self.tables.customers))), NARROW)
+        tables = self.tables
+        pool = ROOM * (8 * tables.words + 2 * tables.wide.size + 40)
+        widest = min(WIDEST, TRACE // (16 * len(tables.customers)), POOL // pool)
+        return max(widest, NARROW)
 
     def look(self) -> bool:
         """Run the next wider beam; return False if the maximum width was already reached."""
@@ -241,7 +294,8 @@ class _Search:
         trace = np.empty((2 * width * n + 2, 2), np.int32)
         best, last, left = beam(
             self.tables, self.shares, np.empty((room, self.tables.words), np.int64),
-            np.empty((room, 3), np.int64), np.empty(room, np.int32), np.empty(room + 1, np.int32),
+            np.empty((room, 4), np.int64), np.empty((room + 1, self.tables.wide.size), np.int16),
+            np.empty(room, np.int32), np.empty(room + 1, np.int32),
             np.empty(1 << (2 * room).bit_length(), np.int32), np.empty(n + 1, np.int32), trace,
             self.best, width, self.control.flag,
         )  # fmt: skip
@@ -298,6 +352,8 @@ class _Search:
                 least = self.root + int(self.info[kernels.LOWEST]) * width
                 self.least = max(self.least, min(least, self.best))
             self.control.bound = self.bound
+            if status == kernels.PAUSED and self.info[kernels.EXPANDED] >= HARD and not self.over:
+                self.merge()
             beamed = self.width * WIDER * len(self.kept)
             behind = SHARE * beamed <= self.info[kernels.EXPANDED]
             if status == kernels.PAUSED and behind and not self.over:

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from ...jit import kernel
 from .bound import Tables
 from .share_kernels import Shares
-from .state_kernels import hashed, least_rest, neighbours, pack, serve, unpack
+from .state_kernels import (
+    hashed,
+    neighbours,
+    pack,
+    rest_after,
+    rest_by_gaps,
+    rest_with_shares,
+    serve,
+    unpack,
+)
 
 __all__ = ["CLASSES", "beam"]
 
@@ -85,8 +94,8 @@ def _limit(
 
 @kernel(interpretable=True)
 def beam(
-    tables: Tables, shares: Shares, keys: Ints, costs: Ints, after: Links, free: Links, table: Links,
-    heads: Links, trace: Links, best: int, width: int, flag: NDArray[np.int8],
+    tables: Tables, shares: Shares, keys: Ints, costs: Ints, maxima: NDArray[np.int16], after: Links,
+    free: Links, table: Links, heads: Links, trace: Links, best: int, width: int, flag: NDArray[np.int8],
 ) -> tuple[int, int, int]:  # fmt: skip
     """Return the length of the best tour, its last entry of `trace`, and the number of pruned states.
 
@@ -96,8 +105,11 @@ def beam(
         Tables of the model, and shares of its chains.
     keys : ndarray of int, shape (room, words)
         Pool of states.
-    costs : ndarray of int, shape (room, 3)
-        Length up to each state, the same plus the bound on the rest, and its entry of `trace`.
+    costs : ndarray of int, shape (room, 4)
+        Length up to each state, the same plus the bound on the rest, its entry of `trace`, and the bound by
+        gaps on the rest.
+    maxima : ndarray of int16, shape (room + 1, groups)
+        Largest number of crossings of each group of gaps in each state, and scratch space.
     after : ndarray of int32, shape (room,)
         Successor in the list of the state.
     free : ndarray of int32, shape (room + 1,)
@@ -124,7 +136,7 @@ def beam(
     place, at, fields = tables.place, tables.at, tables.fields
     chains, total = tables.first.size - 1, tables.first[tables.first.size - 1]
     counts, then = np.zeros(chains, np.int64), np.empty(chains, np.int64)
-    scratch = np.empty(tables.length.size, np.int16)
+    mine, groups = np.empty(tables.wide.size, np.int16), tables.wide.size
     tally = np.empty(CLASSES, np.int64)
     for index in range(heads.size):
         heads[index] = -1
@@ -137,6 +149,7 @@ def beam(
     pack(counts, here, fields, keys[root])
     for column in range(3):
         costs[root, column] = 0
+    costs[root, 3] = rest_by_gaps(tables, counts, here, maxima[root])
     after[root], heads[served] = -1, root
     trace[0, 0], trace[0, 1] = -1, here
     entries, last, left = 1, -1, 0
@@ -149,7 +162,8 @@ def beam(
         while state >= 0:
             following = int(after[state])
             way, reached, group = costs[state, 0], costs[state, 2], (costs[state, 1] - low) // step
-            useful = costs[state, 1] < best
+            useful, bound = costs[state, 1] < best, costs[state, 3]
+            former = state
             here = unpack(keys[state], fields, counts)
             free[0] += 1
             free[free[0]] = state
@@ -161,6 +175,9 @@ def beam(
                 continue
             if group == limit:
                 quota -= 1
+            # The slot of the state is free for its first successor.
+            for gap in range(groups):
+                mine[gap] = maxima[former, gap]
             for there in neighbours(tables, counts, here):
                 if there < 0:
                     continue
@@ -168,7 +185,11 @@ def beam(
                     then[k] = counts[k]
                 done = layer + serve(tables, then, there)
                 farther = way + abs(at[there] - at[here])
-                rest = least_rest(tables, shares, then, there, scratch)
+                room = int(free[free[0]]) if free[0] > 0 else len(keys)
+                for gap in range(groups):
+                    maxima[room, gap] = mine[gap]
+                lower = rest_after(tables, counts, then, here, there, bound, maxima[room])
+                rest = rest_with_shares(tables, shares, then, there, lower)
                 if farther + rest >= best:
                     continue
                 if free[0] == 0 and done < total:
@@ -178,11 +199,10 @@ def beam(
                 if done == total:
                     best, last = farther + rest, entries
                 else:
-                    room = int(free[free[0]])
                     free[0] -= 1
                     pack(then, there, fields, keys[room])
                     costs[room, 0], costs[room, 1] = farther, farther + rest
-                    costs[room, 2] = entries
+                    costs[room, 2], costs[room, 3] = entries, lower
                     after[room] = heads[done]
                     heads[done] = room
                 entries += 1

@@ -12,21 +12,29 @@ the right parity. The bound is consistent: it decreases by at most the distance 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import UnsupportedFormulation
 from ...models.guided_path.data import GuidedPathData
 
-__all__ = ["Tables", "whole_lengths"]
+__all__ = ["MOST_NEEDS", "SAFE", "Tables", "needs_of", "whole_lengths"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Binary digits of the largest coordinate difference, so that the sum of 5000 of them is an exact
+#: Binary digits of the largest coordinate difference, so that the sum of 20,000 of them is an exact
 #: integer.
 DIGITS = 44
+#: Relative safety margin of a bound if lengths are rounded.
+SAFE = 1e-12
+#: Maximum number of entries of :func:`needs_of`, 0.2 GB.
+MOST_NEEDS = 50_000_000
+#: Maximum number of groups of gaps in the bound, apart from one more at the start.
+MOST_GROUPS = 2048
 #: Bits used in a word of a state's key, without the sign and one spare bit.
 WORD = 62
 
@@ -75,9 +83,19 @@ class Tables(NamedTuple):
         Lengths of the gaps between neighbouring places, in units.
     at : ndarray of int, shape (places,)
         Cumulative sums of `length`.
-    crossings : ndarray of int16, shape (n, places - 1)
-        Largest number of crossings of each gap on a path of the relation from a customer to the
-        start.
+    wide : ndarray of int, shape (groups,)
+        Lengths of groups of neighbouring gaps, in units. Each gap is a group unless there are more than
+        `MOST_GROUPS`.
+    group : ndarray of int, shape (places,)
+        Index of the first group at or to the right of each place; the place of the start separates two groups.
+    over : ndarray of int, shape (places,)
+        Length from each place to the left end of that group, in units.
+    crossings : ndarray of int16, shape (n, groups)
+        Number of crossings of each group on a path of the relation from a customer to the start: the
+        largest one on any path, counting only steps that cross the whole group.
+    change : ndarray of int, shape (n, 2)
+        First group, and the one after the last group, at which the crossings of the next customer of the chain
+        differ from those of each customer.
     needs : ndarray of int, shape (n + 1,)
         Index of the first row of each customer in `needed`, and the number of rows.
     needed : ndarray of int, shape (m, 2)
@@ -97,7 +115,11 @@ class Tables(NamedTuple):
     place: Ints
     length: Ints
     at: Ints
+    wide: Ints
+    group: Ints
+    over: Ints
     crossings: NDArray[np.int16]
+    change: Ints
     needs: Ints
     needed: Ints
     fields: Ints
@@ -118,15 +140,67 @@ class Tables(NamedTuple):
         needs, needed = _needs(model, first, number)
         fields, words = _fields([*map(len, chains), places.size - 1])
         where = np.append(place[customers], place[0])
+        at = np.append(0, np.cumsum(length))
+        ends = np.linspace(0, length.size, min(length.size, MOST_GROUPS) + 1).astype(np.int64)
+        ends = np.union1d(ends, where[-1:])
+        group = np.searchsorted(ends, np.arange(at.size))
+        over = at[ends][group] - at
+        crossings = _crossings(model, number, where, group, np.isin(np.arange(at.size), ends))
         return cls(
-            customers, first, where, length, np.append(0, np.cumsum(length)),
-            _crossings(model, number, where, length.size), needs, needed, fields, words, unit, exact,
+            customers, first, where, length, at, np.diff(at[ends]), group, over, crossings,
+            _changes(crossings, first), needs, needed, fields, words, unit, exact,
         )  # fmt: skip
 
     def root(self) -> int:
         """Return the lower bound on the length of every tour, in units."""
         limits = self.crossings.max(axis=0, initial=0).astype(np.int64)
-        return int(self.length @ (limits + limits % 2))
+        return int(self.wide @ (limits + limits % 2))
+
+
+def needs_of(
+    model: GuidedPathData, chains: Sequence[Sequence[int]], *, plain: bool = False
+) -> NDArray[np.int32]:
+    """Return how many customers of each chain must be served before each customer.
+
+    Parameters
+    ----------
+    model : GuidedPathData
+        The model.
+    chains : sequence of sequences of int
+        Disjoint chains of customers.
+    plain : bool
+        Whether to return the table even if no pair relates two chains.
+
+    Returns
+    -------
+    ndarray of int32, shape (n, k)
+        One row per customer, chain after chain. Without pairs between chains, the shape is (0, k).
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The table would have more than `MOST_NEEDS` entries.
+    """
+    owner = {c: (k, place) for k, chain in enumerate(chains) for place, c in enumerate(chain)}
+    links = [(owner.get(a, (-1, 0))[0], owner.get(b, (-1, 0))[0]) for a, b in model.pairs]
+    if not plain and all(a == b >= 0 for a, b in links):
+        return np.zeros((0, len(chains)), np.int32)
+    if model.size * len(chains) > MOST_NEEDS:
+        raise UnsupportedFormulation(
+            f"pairs between chains of {model.size - 1} customers and {len(chains)} chains need a table of at "
+            f"most {MOST_NEEDS} entries"
+        )
+    before: list[list[int]] = [[] for _ in range(model.size)]
+    for entry, other in model.pairs:
+        before[other].append(entry)
+    need = np.zeros((model.size, len(chains)), np.int32)
+    for c in model.sorted_customers:
+        for entry in before[c]:
+            np.maximum(need[c], need[entry], out=need[c])
+            k, place = owner.get(entry, (-1, 0))
+            if k >= 0:
+                need[c, k] = max(need[c, k], place + 1)
+    return need[[c for chain in chains for c in chain]]
 
 
 def _needs(model: GuidedPathData, first: Ints, number: Ints) -> tuple[Ints, Ints]:
@@ -162,17 +236,32 @@ def _fields(most: list[int]) -> tuple[Ints, int]:
     return np.array(rows, np.int64), word + 1
 
 
-def _crossings(model: GuidedPathData, number: Ints, place: Ints, gaps: int) -> NDArray[np.int16]:
+def _crossings(
+    model: GuidedPathData, number: Ints, place: Ints, group: Ints, ends: NDArray[np.bool_]
+) -> NDArray[np.int16]:
     after: list[list[int]] = [[] for _ in range(model.size)]
     for entry, other in model.pairs:
         after[entry].append(int(number[other]))
-    crossings = np.zeros((model.size - 1, gaps), np.int16)
+    groups = int(group[-1])
+    crossings = np.zeros((model.size - 1, groups), np.int16)
     for c in reversed(model.sorted_customers):
         row = crossings[number[c]]
         here = int(place[number[c]])
         for other in (*after[c], -1):
             # The start has the last index, and no crossings follow it.
-            way = crossings[other].copy() if other >= 0 else np.zeros(gaps, np.int16)
-            way[slice(*sorted((here, int(place[other]))))] += 1
+            way = crossings[other].copy() if other >= 0 else np.zeros(groups, np.int16)
+            low, high = sorted((here, int(place[other])))
+            way[group[low] : group[high] + ends[high] - 1] += 1
             np.maximum(row, way, out=row)
     return crossings
+
+
+def _changes(crossings: NDArray[np.int16], first: Ints) -> Ints:
+    """Return the range of groups at which each row differs from the next one of its chain."""
+    change = np.zeros((len(crossings), 2), np.int64)
+    lasts = set(first[1:].tolist())
+    for c, row in enumerate(crossings):
+        differs = np.flatnonzero(row != crossings[c + 1] if c + 1 not in lasts else row)
+        if differs.size:
+            change[c] = differs[0], differs[-1] + 1
+    return change

@@ -36,8 +36,7 @@ from ..contract.backend import (
     Request,
     Termination,
 )
-from .a_star import SAFE
-from .bound import Tables
+from .bound import SAFE, Tables, needs_of
 
 __all__ = ["MOST_ENTRIES", "DynamicProgramming", "Table"]
 
@@ -77,9 +76,7 @@ class Table:
     def of(cls, model: GuidedPathData) -> Table:
         """Return the table of all customers, in the minimum chain cover."""
         members = [c for chain in model.cover for c in chain]
-        precede = model.closure[np.ix_(members, members)].T
-        heads = np.cumsum([0, *map(len, model.cover)])[:-1]
-        need = np.add.reduceat(precede, heads, axis=1, dtype=np.int64)
+        need = needs_of(model, model.cover, plain=True).astype(np.int64)
         return cls(model.cover, float(model.coordinates[0]), model.coordinates[members], need)
 
     @property

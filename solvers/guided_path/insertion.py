@@ -33,6 +33,7 @@ from ..contract.backend import (
     Request,
     Termination,
 )
+from .bound import needs_of
 from .insertion_kernels import merge_by_index, merge_nearest, visit_nearest
 
 __all__ = ["ChainBackend", "Greedy", "InsertIndex", "InsertNearest", "ordered_chains"]
@@ -85,9 +86,9 @@ class ChainBackend(Backend):
         members = np.array([c for chain in chains for c in chain], np.int64)
         starts = np.cumsum([0, *map(len, chains)])
         order = np.zeros(len(members), np.int64)
-        finished = self.loop(
-            small.coordinates, small.closure, members, starts, order, request.control.flag
-        )
+        need = needs_of(small, chains)
+        finished = self.loop(small.coordinates, need, members, starts, order, request.control.flag)
+        order = members[order]
         plan = None
         counts: Mapping[str, float | int | str] = {"chains": len(chains)}
         if finished:

@@ -132,7 +132,7 @@ def search_on(
     buckets, lowest, width, info = states.buckets, states.lowest, states.width, states.info
     chains, room = tables.first.size - 1, len(keys)
     counts, after = np.empty(chains, np.int64), np.empty(chains, np.int64)
-    key, scratch = np.empty(keys.shape[1], np.int64), np.empty(tables.length.size, np.int16)
+    key, scratch = np.empty(keys.shape[1], np.int64), np.empty(tables.wide.size, np.int16)
     total = tables.first[chains]
     for _ in range(steps):
         if flag[0] != 0:
@@ -203,7 +203,7 @@ def search_anew(
     for bucket in range(buckets.size):
         buckets[bucket] = -1
     counts = np.zeros(tables.first.size - 1, np.int64)
-    scratch = np.empty(tables.length.size, np.int16)
+    scratch = np.empty(tables.wide.size, np.int16)
     here = tables.place[tables.place.size - 1]
     serve(tables, counts, here)
     pack(counts, here, tables.fields, states.keys[0])

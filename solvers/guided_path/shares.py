@@ -11,6 +11,8 @@ Physics 9, 1969. The final tables bound every state, see :func:`.share_kernels.r
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +30,8 @@ LONG = 1 << 29
 MOST, ENTRIES, ALL_ENTRIES = 6, 25_000_000, 45_000_000
 #: Maximum number of ascent steps; minimum number with the final groups; work limit of these steps.
 FIRST, LEAST, WORK = 400, 2, 3e8
+#: Maximum number of shares times steps, with the small groups: sorting them takes about 10 s.
+SORTED = 1e8
 #: Initial target for the relative increase of the bound, and number of steps without progress
 #: before it
 #: is reduced, for small and for final groups; relative target at which the ascent ends.
@@ -54,11 +58,14 @@ def shares_of(tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8]) 
     flag : ndarray of int8, shape (1,)
         Stop flag, nonzero to stop.
     """
-    groups = _group_chains(np.diff(tables.first))
+    rows = [tables.at[tables.place[a:b]] for a, b in pairwise(tables.first)]
+    alone = np.array([np.abs(np.diff(row)).sum() for row in rows])
+    groups = _group_chains(np.diff(tables.first), alone)
     parts = [part for group in groups for part in np.array_split(group, max(len(group) // 2, 1))]
     ascent = _Ascent(tables, parts, best, samples, flag)
     lengths = np.tile(tables.length / len(parts), (len(parts), 1))
-    lengths = ascent.climb(lengths, FIRST, AIM[0], PATIENCE[0])
+    steps = int(np.clip(SORTED / max(lengths.size, 1), LEAST, FIRST))
+    lengths = ascent.climb(lengths, steps, AIM[0], PATIENCE[0])
     if len(groups) < len(parts):
         owner = np.repeat(np.arange(len(groups)), [max(len(group) // 2, 1) for group in groups])
         merged = np.zeros((len(groups), tables.length.size))
@@ -69,18 +76,27 @@ def shares_of(tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8]) 
     return None if flag[0] != 0 else ascent.shares()
 
 
-def _group_chains(sizes: Ints) -> list[Ints]:
-    """Return groups of chains as large as the table limits allow, with long and short chains mixed."""
-    order = np.argsort(-sizes, kind="stable")
-    for count in range(1, sizes.size + 1):
-        # Assign in alternating direction, so that the products of sizes are nearly equal.
-        turns = np.arange(sizes.size) % (2 * count)
-        owner = np.minimum(turns, 2 * count - 1 - turns)
-        groups = [order[owner == g] for g in range(count)]
-        entries = [float(np.prod(sizes[group] + 1.0)) * group.size for group in groups]
-        if max(entries) <= ENTRIES and sum(entries) <= ALL_ENTRIES and len(groups[0]) <= MOST:
-            return groups
-    return [order[g : g + 1] for g in range(sizes.size)]
+def _group_chains(sizes: Ints, lengths: Ints) -> list[Ints]:
+    """Return groups of chains as large as the table limits allow, the longest tours together.
+
+    The longest chains in one group raise the bound by 1 to 3 % over mixed groups, for 10 chains of 100 and 20 of 50.
+    """
+    order = np.argsort(-lengths, kind="stable").tolist()
+    limit = float(ENTRIES)
+    while True:
+        groups: list[list[int]] = [[]]
+        entries = [0.0]
+        for k in order:
+            grown = float(np.prod(sizes[[*groups[-1], k]] + 1.0)) * (len(groups[-1]) + 1)
+            if groups[-1] and (grown > limit or len(groups[-1]) == MOST):
+                groups.append([])
+                entries.append(0.0)
+                grown = 1.0 + sizes[k]
+            groups[-1].append(k)
+            entries[-1] = grown
+        if sum(entries) <= ALL_ENTRIES or len(groups) == sizes.size:
+            return [np.array(group) for group in groups]
+        limit /= 2
 
 
 class _Ascent:

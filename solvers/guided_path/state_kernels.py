@@ -13,7 +13,17 @@ from ...jit import kernel
 from .bound import Tables
 from .share_kernels import Shares, rest_of_shares
 
-__all__ = ["hashed", "least_rest", "neighbours", "pack", "rest_by_gaps", "serve", "unpack"]
+__all__ = [
+    "hashed",
+    "least_rest",
+    "neighbours",
+    "pack",
+    "rest_after",
+    "rest_by_gaps",
+    "rest_with_shares",
+    "serve",
+    "unpack",
+]
 
 Ints = NDArray[np.int64]
 Links = NDArray[np.int32]
@@ -104,38 +114,101 @@ def serve(tables: Tables, counts: Ints, here: int) -> int:
 
 
 @kernel
+def _part(tables: Tables, most: NDArray[np.int16], here: int, low: int, high: int) -> int:
+    """Return the length of the crossings of groups `low` to `high` - 1 on the path from `here`.
+
+    `most` contains their least numbers, which are rounded up to the parity that `here` requires.
+    """
+    group, wide = tables.group[here], tables.wide
+    start = tables.group[tables.place[tables.place.size - 1]]
+    total = 0
+    for gap in range(low, high):
+        odd = (group <= gap) != (start <= gap)
+        total += wide[gap] * (most[gap] + ((most[gap] + odd) & 1))
+    if low < group <= high:
+        # The part of the group to the right of `here` has the other parity.
+        odd = start < group
+        total += tables.over[here] * (1 - 2 * ((most[group - 1] + odd) & 1))
+    return total
+
+
+@kernel
 def rest_by_gaps(tables: Tables, counts: Ints, here: int, most: NDArray[np.int16]) -> int:
     """Return a lower bound on the path from `here` through all unserved customers to the start.
 
-    `most` is scratch space with one entry per gap.
+    `most` is overwritten with the largest number of crossings of each group of gaps.
     """
-    first, place, length, crossings = tables.first, tables.place, tables.length, tables.crossings
-    gaps = length.size
-    for gap in range(gaps):
+    first, crossings = tables.first, tables.crossings
+    for gap in range(most.size):
         most[gap] = 0
     for k in range(counts.size):
         customer = first[k] + counts[k]
         if customer < first[k + 1]:
-            for gap in range(gaps):
+            for gap in range(most.size):
                 most[gap] = max(most[gap], crossings[customer, gap])
-    total, start = 0, place[place.size - 1]
-    for gap in range(gaps):
-        odd = (here <= gap) != (start <= gap)
-        total += length[gap] * (most[gap] + ((most[gap] + odd) & 1))
-    return total
+    return _part(tables, most, here, 0, most.size)
+
+
+@kernel
+def rest_after(
+    tables: Tables,
+    counts: Ints,
+    then: Ints,
+    here: int,
+    there: int,
+    rest: int,
+    most: NDArray[np.int16],
+) -> int:
+    """Return the bound of :func:`rest_by_gaps` after a step, and update `most`.
+
+    The step leads from `here` to `there` and increases the counts to `then`; `rest` is the bound before it.
+    Only groups that the step passes, or that a served customer's chain crosses less often, change.
+    """
+    first, crossings, change = tables.first, tables.crossings, tables.change
+    low = max(min(tables.group[here], tables.group[there]) - 1, 0)
+    high = max(tables.group[here], tables.group[there])
+    for k in range(counts.size):
+        for customer in range(first[k] + counts[k], first[k] + then[k]):
+            if change[customer, 0] < change[customer, 1]:
+                low = min(low, change[customer, 0])
+                high = max(high, change[customer, 1])
+    rest -= _part(tables, most, here, low, high)
+    for k in range(counts.size):
+        if then[k] > counts[k]:
+            former = first[k] + counts[k]
+            left, right = high, low
+            for customer in range(former, first[k] + then[k]):
+                if change[customer, 0] < change[customer, 1]:
+                    left, right = min(left, change[customer, 0]), max(right, change[customer, 1])
+            for gap in range(left, right):
+                if crossings[former, gap] == most[gap]:
+                    largest = 0
+                    for other in range(counts.size):
+                        customer = first[other] + then[other]
+                        if customer < first[other + 1]:
+                            largest = max(largest, crossings[customer, gap])
+                            if largest == most[gap]:
+                                break
+                    most[gap] = largest
+    return rest + _part(tables, most, there, low, high)
+
+
+@kernel
+def rest_with_shares(tables: Tables, shares: Shares, counts: Ints, here: int, rest: int) -> int:
+    """Return the maximum of the bound by gaps, `rest`, and the bound by shares.
+
+    The lengths of all paths from `here` to the start have the same parity, in units.
+    """
+    if len(shares.weighted) > 0:
+        shared = rest_of_shares(tables, shares, counts, here)
+        shared = (shared * shares.times + shares.over - 1) // shares.over
+        rest = max(rest, shared + ((shared - rest) & 1))
+    return rest
 
 
 @kernel(interpretable=True)
 def least_rest(
     tables: Tables, shares: Shares, counts: Ints, here: int, most: NDArray[np.int16]
 ) -> int:
-    """Return the maximum of the bound by gaps and the bound by shares.
-
-    The lengths of all paths from `here` to the start have the same parity, in units.
-    """
-    rest = rest_by_gaps(tables, counts, here, most)
-    if len(shares.weighted) > 0:
-        shared = rest_of_shares(tables, shares, counts, here)
-        shared = (shared * shares.times + shares.over - 1) // shares.over
-        rest = max(rest, shared + ((shared - rest) & 1))
-    return rest
+    """Return the maximum of the bound by gaps and the bound by shares."""
+    return rest_with_shares(tables, shares, counts, here, rest_by_gaps(tables, counts, here, most))

@@ -60,7 +60,7 @@ def test_bound_counts_crossings(seed):
         )  # fmt: skip
         assert (counts <= sizes).all()
         here = int(rng.integers(len(tables.at)))
-        most = np.empty(len(tables.length), np.int16)
+        most = np.empty(len(tables.wide), np.int16)
         value = state_kernels.rest_by_gaps(tables, counts, here, most)
         plain = plain_bound(model, served, np.unique(model.coordinates)[here])
         assert value * tables.unit == pytest.approx(plain, rel=1e-9, abs=1e-300)
@@ -168,12 +168,12 @@ def test_shares_are_the_nearest_that_add_up():
 
 def test_many_chains_are_grouped_as_far_as_tables_may_grow():
     for sizes in ([1], [3] * 44, [21, 17, 19, 23, 21, 21, 15, 21, 19, 19], [300], [50] * 100):
-        groups = shares_module._group_chains(np.array(sizes))
+        groups = shares_module._group_chains(np.array(sizes), np.array(sizes))
         assert sorted(np.concatenate(groups).tolist()) == list(range(len(sizes)))
         entries = [float(np.prod(np.array(sizes)[one] + 1.0)) * len(one) for one in groups]
         assert max(entries) <= shares_module.ENTRIES
         assert sum(entries) <= shares_module.ALL_ENTRIES
-    assert len(shares_module._group_chains(np.array([20] * 10))) == 2
+    assert len(shares_module._group_chains(np.full(10, 20), np.arange(10))) == 2
 
 
 @pytest.mark.parametrize("dense", [50_000, 0])

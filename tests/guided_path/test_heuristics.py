@@ -10,6 +10,7 @@ from crosstrack.models import GuidedPathTour
 from crosstrack.models.guided_path.walks import length_of, passed, reduced
 from crosstrack.solvers import Limit, Request
 from crosstrack.solvers.guided_path import insertion_kernels
+from crosstrack.solvers.guided_path.bound import needs_of
 from crosstrack.solvers.guided_path.dynamic_programming import DynamicProgramming
 from crosstrack.solvers.guided_path.insertion import (
     Greedy,
@@ -54,8 +55,8 @@ def built(loop, model, chains):
     members = np.array([c for chain in chains for c in chain])
     order = np.zeros(members.size, np.int64)
     starts = np.cumsum([0, *map(len, chains)])
-    assert loop(model.coordinates, model.closure, members, starts, order, GO)
-    return order.tolist()
+    assert loop(model.coordinates, needs_of(model, chains), members, starts, order, GO)
+    return members[order].tolist()
 
 
 # -- whole runs ----------------------------------------------------------------------------------
@@ -127,7 +128,7 @@ def test_algorithm_6_takes_the_chain_whose_first_customer_is_nearest_to_the_end_
     model = GuidedPathTour([0, 5, 30, 7, 2, 28, 29], chains=[[1, 2], [3, 4], [5, 6]])
     begun, merge = [], insertion_kernels._merge
     monkeypatch.setattr(
-        insertion_kernels, "_merge", lambda *args: begun.append(args[3]) or merge(*args)
+        insertion_kernels, "_merge", lambda *args: begun.append(args[3][args[4]]) or merge(*args)
     )
     # 0, 5, 28, 29, 30 is 30 m long and has no turn; then 7 on the way out and 2 on the way back: 60 m.
     assert built(merge_nearest.py_func, model, model.chains) == [1, 3, 5, 6, 2, 4]

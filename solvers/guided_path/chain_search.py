@@ -1,0 +1,169 @@
+"""``chain-search``: local search that removes chains from a tour and merges them into it again.
+
+Each merge is the paper's dynamic program for two chains, as in its Algorithm 6, restricted to a window of the
+tour, see :mod:`.chain_kernels`. ``a-star`` uses the same search for its incumbents.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import UnsupportedFormulation
+from ...jit import clock
+from ...models.guided_path.model import GuidedPathTour
+from ...models.guided_path.plan import GuidedPathPlan
+from ...models.guided_path.walks import length_of, reduced, served
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
+from .bound import Tables, needs_of
+from .chain_kernels import merge_again
+from .insertion import Greedy, InsertIndex, InsertNearest
+
+__all__ = ["ChainRounds", "ChainSearch", "merged_starts"]
+
+Ints = NDArray[np.int64]
+
+#: States of all merges in the first round, per customer; growth factor per round.
+FIRST, GROWTH = 4000, 2
+#: States of all merges after which a round reports its tour.
+CHUNK = 40_000_000
+#: Accepted increase at the beginning of a round, relative to the length of the tour.
+HEAT = 3e-4
+#: Rounds without improvement after which the search ends.
+STALE = 6
+
+
+def merged_starts(model: GuidedPathTour, request: Request) -> list[GuidedPathPlan]:
+    """Return the tours of the paper's heuristics, as far as time and the memory for relations permit."""
+    plans = []
+    for backend in (Greedy(), InsertIndex(), InsertNearest()):
+        with suppress(UnsupportedFormulation):
+            answer = request.within(backend, model, options={"passing": True})
+            plans += [] if answer.point is None else [answer.point]
+    return plans
+
+
+class ChainRounds:
+    """Rounds of the search from one tour, each longer than the one before.
+
+    Parameters
+    ----------
+    tables : Tables
+        Tables of the model.
+    need : ndarray of int32
+        See :func:`.bound.needs_of`.
+    order : ndarray of int, shape (n,)
+        A tour, as positions in the tables.
+    seed : int, optional
+        Seed of the random numbers.
+    """
+
+    def __init__(
+        self, tables: Tables, need: NDArray[np.int32], order: Ints, seed: int | None
+    ) -> None:
+        self.tables, self.need = tables, need
+        self.order, self.best = order.copy(), order.copy()
+        self.draw = np.random.default_rng(seed or 0)
+        sizes = np.diff(tables.first)
+        states = int(((order.size - sizes + 1) * (sizes + 1)).max())
+        self.moves = np.empty(states, np.uint8)
+        self.work, self.left = FIRST * order.size, FIRST * order.size
+        self.rounds = self.stale = 0
+        self.value: int | None = None
+
+    def adopt(self, order: Ints) -> None:
+        """Continue from a tour that is shorter than the best one."""
+        self.order[:] = self.best[:] = order
+
+    @property
+    def settled(self) -> bool:
+        """Whether several rounds have not improved the tour, or the tour has no alternative."""
+        return self.stale >= STALE or self.tables.first.size <= 2
+
+    def improve(self, flag: NDArray[np.int8]) -> int:
+        """Continue the search for at most `CHUNK` states; return the length of the best tour, in units."""
+        former = self.value
+        work = min(self.left, CHUNK)
+        heat = HEAT * (former or int(self.tables.at[-1])) * self.left / self.work
+        self.value = int(
+            merge_again(
+                self.tables, self.need, self.order, self.best, work, heat, heat * (1 - work / self.left),
+                self.moves, self.draw, flag,
+            )
+        )  # fmt: skip
+        self.left -= work
+        if former is not None and self.value < former:
+            self.stale = -1
+        if self.left <= 0:
+            self.rounds, self.stale = self.rounds + 1, self.stale + 1
+            self.work = self.left = GROWTH * self.work
+            self.order[:] = self.best
+        return self.value
+
+
+class ChainSearch(Backend):
+    """Local search with optimal merges of chains in windows of the tour."""
+
+    name = "chain-search"
+    accepts = GuidedPathTour
+    guarantee = Guarantee.HEURISTIC
+    features = frozenset({Feature.SEED, Feature.INCUMBENTS, Feature.INTERRUPT, Feature.WARM_START})
+    single_threaded = True
+    options: ClassVar[Mapping[str, Option]] = {
+        "rounds": Option(
+            10, "maximum number of rounds, each twice as long as the one before", int, lower=0
+        )
+    }
+    summary = "chains of the tour are removed and merged into it again, each merge shortest; ours"
+
+    def run(self, problem: GuidedPathTour, request: Request) -> Answer:
+        """Improve the tours of Algorithm 6 and return the answer."""
+        begin, control = clock(), request.control
+        small, numbers = reduced(problem)
+        tables = Tables.of(small)
+        need = needs_of(small, small.cover)
+        members = [numbers[c] for c in tables.customers.tolist()]
+        position = {c: i for i, c in enumerate(members)}
+        plans = [GuidedPathPlan(served(problem, problem.sorted_customers))]
+        if request.warm_start is not None:
+            plans.append(GuidedPathPlan(served(problem, request.warm_start.order)))
+        plans += merged_starts(problem, request)
+        plan = min(plans, key=lambda plan: length_of(problem, plan.order))
+        value = length_of(problem, plan.order)
+        control.incumbent(value, plan)
+        order = np.array([position[c] for c in plan.order if c in position], np.int64)
+        rounds = ChainRounds(tables, need, order, request.seed)
+        best = math.inf
+        while not (rounds.settled or control.stopped or request.left() == 0.0):
+            if rounds.rounds >= request.options["rounds"]:
+                break
+            length = rounds.improve(control.flag)
+            if length < best:
+                best = length
+                found = served(problem, [members[i] for i in rounds.best.tolist()])
+                if length_of(problem, found) < value:
+                    plan, value = GuidedPathPlan(found), length_of(problem, found)
+                    control.incumbent(value, plan)
+        limit = control.reason or (Limit.TIME if request.left() == 0.0 else None)
+        return Answer(
+            Termination.FEASIBLE,
+            limit,
+            plan,
+            value,
+            seconds={"solve": clock() - begin},
+            statistics={"chains": tables.first.size - 1, "rounds": rounds.rounds},
+        )
