@@ -23,14 +23,14 @@ from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ..sections import KeywordFile
 
-__all__ = ["read_sop", "write_sop"]
+__all__ = ["INFINITE", "read_matrix", "read_sop", "sop_text", "write_sop"]
 
 Floats = NDArray[np.float64]
 
 #: Tolerance of distances, relative to the longest one.
 _ROUNDING = 1e-9
-#: Distance from the start to the end, an arc that no tour uses.
-_NO_WAY = 1_000_000
+#: Distance of a missing arc, such as that from the start to the end.
+INFINITE = 1_000_000
 #: Supported keywords of the format with their values.
 _HEAD = {
     "TYPE": ("SOP",), "EDGE_WEIGHT_TYPE": ("EXPLICIT",), "EDGE_WEIGHT_FORMAT": ("FULL_MATRIX",)
@@ -63,13 +63,27 @@ def read_sop(path: str | os.PathLike[str]) -> GuidedPathTour:
         message contains the file, and the nodes if applicable.
     """
     file = as_path(path)
-    matrix = _matrix(file)
+    matrix, before = read_matrix(file, MOST + 2, "coordinates")
+    try:
+        places = _places(matrix, before)
+        relation = _relation(before[1:-1, 1:-1].T)
+        return GuidedPathTour.from_data({"coordinates": places, **relation}, name=file.stem)
+    except InvalidData as error:
+        raise InvalidData(f"{file}: {error}", field=error.field) from None
+
+
+def read_matrix(file: Path, most: int, field: str) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the distances of a file with at most `most` nodes, and whether node j must precede node i.
+
+    Raise :class:`InvalidData` with `field` for a matrix that is no sequential ordering problem.
+    """
+    matrix = _matrix(file, most, field)
     broken = np.argwhere((matrix < 0) & (matrix != -1))
     if len(broken):
         i, j = broken[0]
         raise InvalidData(
             f"{file}: entry {i + 1}, {j + 1} must be a distance or -1, got {matrix[i, j]:g}",
-            field="coordinates",
+            field=field,
         )
     before = matrix == -1  # row i, column j: j precedes i
     np.fill_diagonal(before, False)
@@ -87,12 +101,7 @@ def read_sop(path: str | os.PathLike[str]) -> GuidedPathTour:
             f"{file}: precedence must have no cycle, nodes {i + 1} and {j + 1} each precede the other",
             field="precedence",
         )
-    try:
-        places = _places(matrix, before)
-        relation = _relation(before[1:-1, 1:-1].T)
-        return GuidedPathTour.from_data({"coordinates": places, **relation}, name=file.stem)
-    except InvalidData as error:
-        raise InvalidData(f"{file}: {error}", field=error.field) from None
+    return matrix, before
 
 
 def _relation(precedes: NDArray[np.bool_]) -> dict[str, list[list[int]]]:
@@ -153,20 +162,20 @@ def _places(matrix: Floats, before: NDArray[np.bool_]) -> Floats:
     return places
 
 
-def _matrix(file: Path) -> Floats:
+def _matrix(file: Path, most: int, field: str) -> Floats:
     """Return the distance matrix of a file."""
     content = KeywordFile.read(file, _KNOWN)
     for keyword, allowed in _HEAD.items():
         content.require(keyword, allowed)
-    size = content.size(3, MOST + 2)
-    numbers = content.numbers("EDGE_WEIGHT_SECTION", "coordinates")
+    size = content.size(3 if field == "coordinates" else 2, most)
+    numbers = content.numbers("EDGE_WEIGHT_SECTION", field)
     # The section may begin with the dimension, whereas a matrix begins with the 0 of its diagonal.
     if numbers.size and numbers[0] == size:
         numbers = numbers[1:]
     if numbers.size != size**2:
         raise InvalidData(
             f"{file}: EDGE_WEIGHT_SECTION must hold {size} × {size} numbers, got {numbers.size}",
-            field="coordinates",
+            field=field,
         )
     return numbers.reshape(size, size)
 
@@ -203,25 +212,32 @@ def write_sop(model: GuidedPathTour, path: str | os.PathLike[str]) -> Path:
     size = model.size + 1
     whole = bool((places == np.round(places)).all() and np.abs(places).max() < 2**52)
     # The distance of the unused arc must exceed all others.
-    way = _NO_WAY if np.ptp(places) < _NO_WAY else 10 * int(np.ptp(places))
+    way = INFINITE if np.ptp(places) < INFINITE else 10 * int(np.ptp(places))
+    words = []
+    for i, here in enumerate(places):
+        row = np.abs(places - here)
+        line = list(map(str, (row.astype(np.int64) if whole else row).tolist()))
+        for j in np.flatnonzero(model.closure[:, i]).tolist():
+            line[j] = "-1"
+        back = line[0]
+        if i:
+            line[0] = "-1"
+        words.append([*line, back if i else str(way)])
+    words.append(["-1"] * (size - 1) + ["0"])
+    comment = f"a line of {model.size - 1} customers"
+    return write_text(path, sop_text(model.name or "tour", comment, words))
+
+
+def sop_text(name: str, comment: str, words: list[list[str]]) -> str:
+    """Return the text of a file with these entries of the matrix."""
     lines = [
-        f"NAME: {' '.join(model.name.split()) or 'tour'}",
+        f"NAME: {' '.join(name.split())}",
         "TYPE: SOP",
-        f"COMMENT: a line of {model.size - 1} customers",
-        f"DIMENSION: {size}",
+        f"COMMENT: {comment}",
+        f"DIMENSION: {len(words)}",
         "EDGE_WEIGHT_TYPE: EXPLICIT",
         "EDGE_WEIGHT_FORMAT: FULL_MATRIX",
         "EDGE_WEIGHT_SECTION",
-        str(size),
+        str(len(words)),
     ]
-    for i, here in enumerate(places):
-        row = np.abs(places - here)
-        words = list(map(str, (row.astype(np.int64) if whole else row).tolist()))
-        for j in np.flatnonzero(model.closure[:, i]).tolist():
-            words[j] = "-1"
-        back = words[0]
-        if i:
-            words[0] = "-1"
-        lines.append(" ".join([*words, back if i else str(way)]))
-    lines.append(" ".join(["-1"] * (size - 1) + ["0"]))
-    return write_text(path, "\n".join([*lines, "EOF"]) + "\n")
+    return "\n".join([*lines, *map(" ".join, words), "EOF"]) + "\n"

@@ -27,6 +27,7 @@ from ..fields import Array
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
 from .kept import KeptFormulation
+from .orders import columns_of_order, follow_arcs, order_program, usable_arcs
 from .plan import GuidedPathPlan
 from .walks import served
 
@@ -67,9 +68,8 @@ class ArcsFormulation(KeptFormulation):
     @cached_property
     def _arcs(self) -> tuple[Indices, Indices]:
         """Tails and heads of the arcs."""
-        before = self._kept.closure.copy()
-        between = before.astype(float) @ before > 0
-        free = ~(np.eye(len(before), dtype=bool) | before.T | between)
+        before = self._kept.closure
+        free = usable_arcs(before)
         free[0, before.any(axis=0)] = False
         free[before.any(axis=1), 0] = False
         tails, heads = np.nonzero(free)
@@ -78,52 +78,10 @@ class ArcsFormulation(KeptFormulation):
     def build(self) -> MixedIntegerProgram:
         """Return the program described in the docstring of this module."""
         kept, b = self._kept, ProgramBuilder()
-        labels = np.array(self._numbers)
-        gaps, size = self._gaps, kept.size
-        tails, heads = self._arcs
+        gaps, (tails, heads) = self._gaps, self._arcs
         ways = np.concatenate([[0.0], np.cumsum(gaps.lengths)])[gaps.at]
-        x = b.columns(
-            "served next", tails.size, upper=1, integral=True,
-            cost=np.abs(ways[heads] - ways[tails]), template="{1} after {0}",
-            index=labels[np.column_stack([tails, heads])],
-        )  # fmt: skip
-        first, second = np.triu_indices(size - 1, 1)
-        first, second = first + 1, second + 1
-        pairs = labels[np.column_stack([first, second])]
-        y = b.columns(
-            "served before", first.size, lower=kept.closure[first, second].astype(float),
-            upper=1.0 - kept.closure[second, first], integral=True, template="{0} before {1}",
-            index=pairs,
-        )  # fmt: skip
-        for name, ends in (("left once", tails), ("reached once", heads)):
-            b.rows(name, size, (ends, x, 1.0), lower=1, upper=1, template="{0}", index=labels)
-        # Order of any two customers as a column, a sign and a constant.
-        column = np.zeros((size, size), np.int64)
-        sign, constant = np.ones((size, size)), np.zeros((size, size))
-        column[first, second] = column[second, first] = y
-        sign[second, first], constant[second, first] = -1.0, 1.0
-        inner = np.flatnonzero((tails > 0) & (heads > 0))
-        i, j = tails[inner], heads[inner]
-        rows = np.arange(inner.size)
-        b.rows(
-            "next is after", rows.size, (rows, x[inner], 1.0), (rows, column[i, j], -sign[i, j]),
-            upper=constant[i, j], template="{1} after {0}", index=labels[np.column_stack([i, j])],
-        )  # fmt: skip
-        arc = np.full((size, size), -1)
-        arc[tails, heads] = x
-        i, j, k = (part.ravel() + 1 for part in np.indices((size - 1,) * 3))
-        may = ~kept.closure.T
-        count = (arc[j, i] >= 0).astype(int) + may[i, j] + may[j, k] + may[k, i]
-        i, j, k = np.stack([i, j, k])[:, (i != j) & (j != k) & (k != i) & (count > 2)]
-        rows = np.arange(i.size)
-        back = arc[j, i] >= 0
-        orders = [(i, j), (j, k), (k, i)]
-        b.rows(
-            "no circle of three", i.size, (rows[back], arc[j, i][back], 1.0),
-            *((rows, column[at], sign[at]) for at in orders),
-            upper=2.0 - sum(constant[at] for at in orders), template="{0}, {1} and {2}",
-            index=labels[np.column_stack([i, j, k])],
-        )  # fmt: skip
+        cost = np.abs(ways[heads] - ways[tails])
+        x = order_program(b, np.array(self._numbers), kept.closure, tails, heads, cost)
         each = np.arange(gaps.lengths.size)
         crossed = (gaps.at[tails] <= each[:, None]) & (gaps.at[heads] > each[:, None])
         row, at = np.nonzero(crossed)
@@ -135,24 +93,10 @@ class ArcsFormulation(KeptFormulation):
 
     def encode(self, plan: GuidedPathPlan) -> Floats:
         """Return the columns of the service order of `plan`, restricted to the relevant customers."""
-        order = self._order(plan)
-        size = self._kept.size
-        after = np.zeros((size, size))
-        after[[0, *order], [*order, 0]] = 1.0
-        place = np.empty(size)
-        place[order] = np.arange(size - 1)
-        first, second = np.triu_indices(size - 1, 1)
-        return np.concatenate([after[self._arcs], place[first + 1] < place[second + 1]])
+        return columns_of_order(self._order(plan), self._kept.size, *self._arcs)
 
     def decode(self, point: Floats) -> GuidedPathPlan:
         """Return the service order along the arcs; available customers are served on the way."""
         values = Array((self.program.size,)).coerce("point", point, {})
-        tails, heads = (ends[values[: ends.size] > 0.5] for ends in self._arcs)
-        follows = dict(zip(tails.tolist(), heads.tolist(), strict=True))
-        numbers, stops, customer = self._numbers, list[int](), 0
-        for _ in numbers:
-            customer = follows.get(customer, 0)
-            if not customer:
-                break
-            stops.append(numbers[customer])
-        return GuidedPathPlan(served(self.model, stops))
+        stops = follow_arcs(values, *self._arcs, self._kept.size)
+        return GuidedPathPlan(served(self.model, [self._numbers[k] for k in stops]))
