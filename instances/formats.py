@@ -154,8 +154,11 @@ _FORMATS = (
     ),
     FileFormat(
         "sop", "a sequential ordering problem of TSPLIB",
-        {"guided-path-tour": Target(".instances.guided_path.sop:read_sop")},
-        _family("SOP"), (".sop",), "guided-path-tour has its stops on a line; no model of crosstrack expresses other distances",
+        {
+            "guided-path-tour": Target(".instances.guided_path.sop:read_sop"),
+            "sequential-ordering": Target(".instances.sequential_ordering.files:load_ordering"),
+        },
+        _family("SOP"), (".sop",),
     ),
     FileFormat(
         "tour", "a tour of TSPLIB or routes of CVRPLIB, which is a plan",

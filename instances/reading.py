@@ -100,7 +100,7 @@ def _model(task: _Task, targets: Mapping[str, Target]) -> Model[Any]:
     if models:
         names = " or ".join(f"--as {kind}" for kind in models)
         raise InvalidData(f"{file} is {form.title}, and the data fit several models: add {names}")
-    if len(reasons) == 1:
+    if len(set(map(str, reasons.values()))) == 1:
         raise next(iter(reasons.values()))
     partial = [kind for kind, item in targets.items() if item.needs.keys() & data.keys()]
     lines = []

@@ -147,6 +147,10 @@ if TYPE_CHECKING:
         Tracking as Tracking,
         track as track,
     )
+    from .sequential_ordering import (
+        SequentialOrdering as SequentialOrdering,
+        SequentialOrderingPlan as SequentialOrderingPlan,
+    )
     from .sideslip import (
         Identification as Identification,
         Recording as Recording,

@@ -76,7 +76,7 @@ PROBLEMS = (
         "grid_path",
     ),
     *("guided_path", "messenger", "minimum_snap", "optimal_control", "resource_routing"),
-    *("satellite_slew", "sideslip", "unknown_grid"),
+    *("satellite_slew", "sequential_ordering", "sideslip", "unknown_grid"),
 )
 #: Entry-point group of problems in other distributions.
 GROUP = "crosstrack.problems"

@@ -48,6 +48,8 @@ REASONS = {
     "small meshes.",
     "resource-routing": "Labels exploit the structure; use programs for constraints that the model does not have.",
     "satellite-slew": "Steering laws return a feasible slew immediately, but not an optimum. Ipopt finds a local optimum.",
+    "sequential-ordering": "The exact search begins with the local search, so its plans are at least as good and have a "
+    "bound. Programs are for few nodes.",
     "sideslip": "Estimates are evaluated by their distance from the truth, which is hidden from backends. Filters run "
     "online; smoothers run offline, and moving horizons use a window of past samples.",
     "time-allocation": "The native descent uses the gradient of the banded system; the transcribed problem takes longer.",

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
         supersequence_tour as supersequence_tour,
     )
 
+#: Names that modules of other problems import, beside the public ones.
+SHARED = ("sop.INFINITE", "sop.read_matrix", "sop.sop_text")
 CATALOGUE = {"guided-path": ".listing:catalogue_entries"}
 REFERENCES = {"guided-path-tour": ".stops:resolve_references"}
 TABLE_FILES = {"guided-path-tour": ".stops:read_stops"}

@@ -10,6 +10,15 @@ if TYPE_CHECKING:
     from .model import GuidedPathTour as GuidedPathTour
     from .plan import GuidedPathPlan as GuidedPathPlan
 
+#: Names that modules of other problems import, beside the public ones.
+SHARED = (
+    "orders.columns_of_order",
+    "orders.follow_arcs",
+    "orders.order_program",
+    "orders.usable_arcs",
+    "relation.closure_of",
+    "relation.sorted_customers",
+)
 MODELS = {"guided-path-tour": ".model:GuidedPathTour"}
 PICTURES = {"guided-path-tour": ".plot:draw"}
 ANIMATIONS = {"guided-path-tour": ".plot:animate_tour"}

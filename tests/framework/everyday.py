@@ -148,7 +148,7 @@ FILES = (
     File("four.tsp", EXPLICIT, "--data vehicles=1", "fleet-routing"),
     File("tsplib/berlin52.tsp", None),
     File("line.sop", SOP, "", "guided-path-tour"),
-    File("sop/br17.10.sop", None, "", "", "stops on a line"),
+    File("sop/br17.10.sop", None, "", "sequential-ordering"),
     File("c101.txt", SOLOMON, "", "fleet-routing"),
     File("dtspn/dtspn-06-01-025-0.txt", None, "", "messenger-tour"),
     File("paths.txt", RCSP, "", "resource-routing"),

@@ -183,6 +183,8 @@ def _examples() -> list[tuple[Any, Any]]:
         QuadraticProgram,
         Route,
         SatelliteSlew,
+        SequentialOrdering,
+        SequentialOrderingPlan,
         SideslipEstimation,
         TimeAllocation,
         Trajectory,
@@ -304,6 +306,8 @@ def _examples() -> list[tuple[Any, Any]]:
     guided = GuidedPathTour(
         [0, 3, -1, 2.5, 3], chains=[[1, 2]], precedence=[[1, 3], [4, 3]], ids=("a", 1, "c", 2, 3)
     )
+    setups = [[0, 4, 6, None], [0, 0, 3, 9], [0, 8, 0, 2], [0, 0, 0, 0]]
+    jobs = SequentialOrdering(setups, precedence=[[1, 2]], ids=("a", 1, "c", 2))
     box = BlackBoxMinimisation(
         {"name": "rastrigin", "shift": [1.0, -1.0], "deviation": 0.1}, [[-5, 5], [2, 2]], budget=50
     )
@@ -347,6 +351,7 @@ def _examples() -> list[tuple[Any, Any]]:
         (slew, resting), (tour, flown), (walk, walked), (fleet, FleetPlan(((1, 2), (3,)))),
         (mission, driven), (around, direct), (guided, GuidedPathPlan((4, 1, 2, 3))), (box, BlackBoxPoint((1.0, 2.0))),
         (sliding, angles), (motion, estimate), (unknown, steps), (charged, Route((0, 1, 3, 2))),
+        (jobs, SequentialOrderingPlan((0, 1, 2, 3))),
     ]  # fmt: skip
 
 

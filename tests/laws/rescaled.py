@@ -42,6 +42,7 @@ RESCALED: dict[str, dict[str, Any]] = {
         "momentum": (0, -1), "torque_limit": (0, -2), "rate_limit": (0, -1), "gimbal_rate_limit": (0, -1),
         "rate_weight": (0, 2), "time_range": (0, 1), "": (0, 1),
     },
+    "sequential-ordering": {"distances": (1, 0), "": (1, 0)},
     "time-allocation": {
         "waypoints": (1, 0), "total_time": (0, 1), "velocity_limit": (1, -1), "time_weight": "objective",
     },
@@ -111,6 +112,9 @@ def tightened(kind: str, whole: dict[str, Any], draw: random.Random) -> dict[str
     elif kind == "guided-path-tour":
         first, second = draw.sample(range(len(data["coordinates"])), 2)
         data["precedence"] = [*(data["precedence"] or []), [first, second]]
+    elif kind == "sequential-ordering":
+        first, second = draw.sample(range(len(data["distances"])), 2)
+        data["precedence"] = [*(data["precedence"] or []), [first, second]]
     elif kind == "resource-routing":
         resource = draw.choice([one for one in data["resources"] if one["limits"]])
         name = draw.choice(list(resource["limits"]))
@@ -145,5 +149,6 @@ TIGHTER: dict[str, tuple[str, ...]] = {
     "mixed-integer-program": ("column_upper", "row_upper"),
     "quadratic-program": ("column_upper",),
     "resource-routing": (),
+    "sequential-ordering": (),
     "time-allocation": ("velocity_limit", "total_time"),
 }

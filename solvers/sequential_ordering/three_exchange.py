@@ -1,0 +1,163 @@
+"""``three-exchange``: simulated annealing over local optima of the path-preserving 3-exchange.
+
+Each iteration exchanges two random adjacent segments, repairs the path by the local search of
+:mod:`.exchange_kernels` at the changed arcs, and accepts or reverses the result. The start is the path to the
+nearest available node. Sources: L. M. Gambardella, M. Dorigo, INFORMS Journal on Computing 12, 2000 (exchange);
+O. Martin, S. W. Otto, E. W. Felten, "Large-step Markov chains for the traveling salesman problem", Complex Systems 5,
+1991 (iterated local search with the acceptance of annealing).
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...jit import OutOfTime, clock
+from ...models.sequential_ordering.model import SequentialOrdering
+from ...models.sequential_ordering.plan import SequentialOrderingPlan
+from ..contract.backend import (
+    Answer,
+    Backend,
+    Feature,
+    Guarantee,
+    Limit,
+    Option,
+    Request,
+    Termination,
+)
+from .exchange_kernels import DRAWS, Paths, anneal
+
+__all__ = ["ThreeExchange", "costs_of", "length_of", "nearest_available"]
+
+Floats = NDArray[np.float64]
+
+#: Number of successors of each node that the local search tests.
+_NEAR = 12
+#: Iterations per call of the kernel, and per node by default.
+_CHUNK, _PER_NODE = 1000, 400
+#: First temperature, in mean arcs of the first local optimum.
+_HOT = 0.1
+
+
+def costs_of(model: SequentialOrdering) -> Floats:
+    """Return the distances of possible arcs, and :attr:`.SequentialOrdering.missing` for the others."""
+    return np.where(model.arcs, model.distances, model.missing)
+
+
+def length_of(cost: Floats, order: NDArray[np.int64]) -> float:
+    """Return the length of a path."""
+    return float(cost[order[:-1], order[1:]].sum())
+
+
+def nearest_available(model: SequentialOrdering, cost: Floats) -> NDArray[np.int64]:
+    """Return the order that visits the nearest node whose predecessors are visited; ties by number."""
+    waiting = model.closure.sum(axis=0)
+    order = np.zeros(model.size, np.int64)
+    for step in range(model.size - 1):
+        waiting[order[step]] = -1
+        waiting -= model.closure[order[step]]
+        order[step + 1] = np.where(waiting == 0, cost[order[step]], np.inf).argmin()
+    return order
+
+
+class ThreeExchange(Backend):
+    """Iterated local search with exchanges of adjacent segments."""
+
+    name = "three-exchange"
+    accepts = SequentialOrdering
+    guarantee = Guarantee.HEURISTIC
+    features = frozenset({Feature.SEED, Feature.INCUMBENTS, Feature.INTERRUPT, Feature.WARM_START})
+    single_threaded = True
+    options: ClassVar[dict[str, Option]] = {
+        "iterations": Option(
+            0,
+            f"random exchanges, each followed by a local search; 0 means {_PER_NODE} per node",
+            int,
+            lower=0,
+        )
+    }
+    summary = "annealing over local optima of the 3-exchange (Gambardella and Dorigo)"
+
+    def run(self, problem: SequentialOrdering, request: Request) -> Answer:
+        """Search, and return the shortest path."""
+        begin, size, control = clock(), problem.size, request.control
+        cost = costs_of(problem)
+        start = nearest_available(problem, cost)
+        if request.warm_start is not None:
+            start = np.array(request.warm_start.order, np.int64)
+        most = request.options["iterations"] or _PER_NODE * size
+        state = _paths(problem, cost, start)
+        shortest, lengths = start.copy(), np.full(2, length_of(cost, start))
+        self._report(problem, lengths[1], shortest, request)
+        rng = np.random.default_rng(request.seed or 0)
+        # Fewer than four nodes have only one order.
+        done, heat = (0, 0.0) if size > 3 else (most, 0.0)
+        share = 0.0
+        first = True
+        while done < most and not control.stopped and share < 1.0:
+            left = request.left()
+            former = lengths[1]
+            chunk = 0 if first else min(_CHUNK, most - done)
+            draws = rng.random((chunk, DRAWS))
+            ahead = min(1.0, share + chunk / most)
+            arguments = (
+                state,
+                shortest,
+                lengths,
+                heat * (1 - share),
+                heat * (1 - ahead),
+                draws,
+                first,
+            )
+            try:
+                anneal(*arguments, control.flag)
+            except OutOfTime:  # its loops could not be compiled in time
+                control.stop(Limit.TIME)
+            if first:
+                heat = _HOT * min(lengths[1], problem.missing) / size
+            done, first = done + chunk, False
+            share = done / most
+            if left is not None and request.time_limit:
+                share = max(share, 1.0 - left / request.time_limit)
+            if lengths[1] < former:
+                lengths[1] = length_of(cost, shortest)
+                self._report(problem, lengths[1], shortest, request)
+        value = length_of(cost, shortest)
+        complete = value < problem.missing
+        return Answer(
+            Termination.FEASIBLE if complete else Termination.NO_SOLUTION,
+            (control.reason or Limit.INTERRUPTED) if control.stopped else None,
+            SequentialOrderingPlan(tuple(shortest.tolist())) if complete else None,
+            value if complete else None,
+            seconds={"solve": clock() - begin},
+            statistics={"iterations": done},
+        )
+
+    @staticmethod
+    def _report(
+        problem: SequentialOrdering, value: float, order: NDArray[np.int64], request: Request
+    ) -> None:
+        if value < problem.missing:
+            request.control.incumbent(value, SequentialOrderingPlan(tuple(order.tolist())))
+
+
+def _paths(model: SequentialOrdering, cost: Floats, order: NDArray[np.int64]) -> Paths:
+    """Return the data and the state of the local search."""
+    size, last = model.size, model.size - 1
+    allowed = np.where(model.arcs, cost, np.inf)
+    count = int(min(_NEAR, last))
+    near = np.argsort(allowed, axis=1, kind="stable")[:, :count]
+    near[np.isinf(np.take_along_axis(allowed, near, axis=1))] = -1
+    pairs = np.array(model.links, np.int64).reshape(-1, 2)
+    lists = []
+    for key, value in ((1, 0), (0, 1)):
+        rows = pairs[np.argsort(pairs[:, key], kind="stable")]
+        lists += [rows[:, value].copy(), np.searchsorted(rows[:, key], np.arange(size + 1))]
+    place = np.empty(size, np.int64)
+    place[order] = np.arange(size)
+    return Paths(
+        np.ascontiguousarray(cost), np.ascontiguousarray(near), *lists, order.copy(), place,
+        np.zeros(size, np.int64), np.zeros(size, bool), np.zeros((200, 3), np.int64), np.zeros(size, np.int64),
+    )  # fmt: skip
