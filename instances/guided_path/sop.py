@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 
 #: Tolerance of distances, relative to the longest one.
 _ROUNDING = 1e-9
-#: Distance of a missing arc, such as that from the start to the end.
+#: Distance of a missing arc; that from the start to the end is missing.
 INFINITE = 1_000_000
 #: Supported keywords of the format with their values.
 _HEAD = {

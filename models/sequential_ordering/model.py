@@ -95,7 +95,7 @@ class SequentialOrdering(Model[SequentialOrderingPlan]):
             for column, node in enumerate((before, after)):
                 if node > last:
                     raise InvalidData(
-                        f"precedence[{row}, {column}] must lie in 0 … {last}, got {node}",
+                        f"precedence[{row}, {column}] must be in 0 … {last}, got {node}",
                         field="precedence",
                     )
             if after == 0 or before == last:
@@ -173,7 +173,7 @@ class SequentialOrdering(Model[SequentialOrderingPlan]):
         Verification
             Objective and checks.
         """
-        return verify_ordering(self, plan, tolerance)
+        return verify_ordering(self.distances, self.precedence, self.label, plan, tolerance)
 
     def describe(self) -> str:
         """Return a short description of the size."""

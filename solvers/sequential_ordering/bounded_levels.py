@@ -188,7 +188,7 @@ class _Search:
             if count > self.width:
                 dropped = min(dropped, float(bounds[order[self.width]]))
             order = order[: self.width]
-            level = States(*(field[order] for field in children))
+            level = States._make(field[order] for field in children)
             trace.append((level.parent, level.last))
             least = float(bounds[order[0]]) if count else math.inf
             self.prove(min(dropped, least, self.value))

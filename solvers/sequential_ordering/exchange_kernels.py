@@ -46,7 +46,7 @@ class Paths(NamedTuple):
     path, place : ndarray of int, shape (n,)
         Nodes in order, and position of each node.
     queue : ndarray of int, shape (n,)
-        Circular queue of the nodes whose exchanges are to be tested, the others have "don't look" bits.
+        Circular queue of the nodes whose exchanges are not yet tested; the others have "don't look" bits.
     waits : ndarray of bool, shape (n,)
         Whether a node is in the queue.
     log : ndarray of int, shape (moves, 3)
@@ -89,7 +89,7 @@ def _gain(it: Paths, i: int, j: int, k: int) -> float:
     """Return by how much the exchange shortens the path."""
     cost, path = it.cost, it.path
     a, b, c, d, e, f = path[i], path[i + 1], path[j], path[j + 1], path[k], path[k + 1]
-    return cost[a, b] + cost[c, d] + cost[e, f] - cost[a, d] - cost[e, b] - cost[c, f]
+    return float(cost[a, b] + cost[c, d] + cost[e, f] - cost[a, d] - cost[e, b] - cost[c, f])
 
 
 @kernel

@@ -151,13 +151,15 @@ def _paths(model: SequentialOrdering, cost: Floats, order: NDArray[np.int64]) ->
     near = np.argsort(allowed, axis=1, kind="stable")[:, :count]
     near[np.isinf(np.take_along_axis(allowed, near, axis=1))] = -1
     pairs = np.array(model.links, np.int64).reshape(-1, 2)
-    lists = []
+    lists: list[NDArray[np.int64]] = []
     for key, value in ((1, 0), (0, 1)):
         rows = pairs[np.argsort(pairs[:, key], kind="stable")]
         lists += [rows[:, value].copy(), np.searchsorted(rows[:, key], np.arange(size + 1))]
     place = np.empty(size, np.int64)
     place[order] = np.arange(size)
+    before, first_before, after, first_after = lists
     return Paths(
-        np.ascontiguousarray(cost), np.ascontiguousarray(near), *lists, order.copy(), place,
-        np.zeros(size, np.int64), np.zeros(size, bool), np.zeros((200, 3), np.int64), np.zeros(size, np.int64),
+        np.ascontiguousarray(cost), np.ascontiguousarray(near), before, first_before, after, first_after,
+        order.copy(), place, np.zeros(size, np.int64), np.zeros(size, bool), np.zeros((200, 3), np.int64),
+        np.zeros(size, np.int64),
     )  # fmt: skip

@@ -10,7 +10,7 @@ from crosstrack.models import SequentialOrdering
 
 
 def best(model):
-    """Return the least length over all orders of at most 8 nodes; inf if there is none."""
+    """Return the least length over all orders of at most 8 nodes; inf if none is feasible."""
     size, pairs = model.size, model.precedence.tolist()
     least = np.inf
     for inner in itertools.permutations(range(1, size - 1)):
