@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
 from ...jit import clock
+from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
 from ...models.guided_path.walks import length_of, reduced, served
@@ -130,9 +131,14 @@ class ChainSearch(Backend):
     }
     summary = "chains of the tour are removed and merged into it again, each merge shortest; ours"
 
+    def refuses(self, problem: Any) -> str:
+        """Return the optional fields of `problem` that the search does not cover."""
+        return name_unsupported(problem)
+
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Improve the tours of Algorithm 6 and return the answer."""
         begin, control = clock(), request.control
+        self.require_support(problem)
         small, numbers = reduced(problem)
         tables = Tables.of(small)
         need = needs_of(small, small.cover)
