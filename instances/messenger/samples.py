@@ -24,7 +24,8 @@ def write_tour_samples(
     """Write the poses along a tour at equal time steps as CSV; return the path.
 
     The columns are ``t,x,y,heading,leg``: s, m, m, rad, and the number of the leg, from 0. Headings
-    are counter-clockwise from the x axis, and are not wrapped. The file is written atomically.
+    are counter-clockwise from the x axis, and are not wrapped. In wind, places are over the ground, and
+    headings are relative to the air. The file is written atomically.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ def write_tour_samples(
     path : path-like
         The file.
     model : MessengerTour
-        Model of the plan, for its speed and turning radius.
+        Model of the plan, for its speed, turning radius and wind.
     rate : float
         Samples per second (Hz). The end of the tour is always included.
 
@@ -52,7 +53,7 @@ def write_tour_samples(
     duration = plan.length / model.speed
     times = np.arange(sample_count(duration, rate) + 1) / rate
     times = np.append(times[times < duration * (1 - 1e-9)], duration)
-    samples = track(plan, model.turning_radius, times * model.speed)
+    samples = track(plan, model.turning_radius, times * model.speed, model.drift)
     table = zip(times.tolist(), *samples.poses.T.tolist(), samples.legs.tolist(), strict=True)
     return write_rows(path, ("t", "x", "y", "heading", "leg"), table)
 

@@ -57,15 +57,18 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
     lengths = np.array([item.length for item in plan.primitives])
     poses = integrated(plan, model.turning_radius)
     flown = np.concatenate([[0.0], np.cumsum(lengths)])
+    # The path is relative to the air, which moves by the drift per metre flown.
+    places = poses[:, :2] + flown[:, None] * model.drift
     # Index of the pose at the end of each leg: after the last primitive with this leg number or a
     # lower one.
     ends = np.searchsorted(legs, np.arange(len(plan.order)), side="right")
     met = np.array(plan.order, int)
     size = _sizes(model)
-    positions = poses[ends, :2]
+    positions = places[ends]
     vehicles = model.positions[met] + model.velocities[met] * plan.times[:, None]
     # The rounding error grows with the coordinates and the length up to the encounter only.
     far = np.maximum.accumulate(np.abs(poses[:, :2]).max(axis=1)) + flown
+    far = far + np.abs(model.drift).max() * flown
     lost = DIGITS * (far[ends] + np.abs(model.positions[met]).max(axis=1))
     noise = DIGITS * float(far[-1])
     apart = np.hypot(*(positions - vehicles).T) - model.radius[met]
@@ -107,7 +110,8 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
         worst("encounter within radius", apart, names, size[met], model.radius[met], digits=lost),
     ]
     if model.closed:
-        gap = np.array([np.hypot(*(poses[-1, :2] - poses[0, :2]))])
+        home = model.home_drift * (flown[-1] / model.speed)
+        gap = np.array([np.hypot(*(poses[-1, :2] - poses[0, :2] - home))])
         checks.append(worst("ends where it begins", gap, ["end"], float(size.min())))
     elif len(plan.order):
         beyond = np.array([flown[-1] - flown[ends[-1]]])

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Set
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,10 @@ class TourData(Model[TourPlan]):
     start: FloatsOrNone = declared(Optional(Array(("k",))), default=(0.0, 0.0, 0.5 * math.pi))
     closed: bool = declared(Flag(), default=False)
     ids: Names = declared(Optional(Ids()), default=None)
+    wind: FloatsOrNone = declared(Optional(Array((2,), unit="m/s")), default=None, added=True)
+    home_velocity: FloatsOrNone = declared(
+        Optional(Array((2,), unit="m/s")), default=None, added=True
+    )
 
     def check(self) -> None:
         """Fill in the velocities and validate vehicles and start."""
@@ -56,16 +61,25 @@ class TourData(Model[TourPlan]):
         if self.velocities is None:
             rest = Array(("n", 2)).coerce("velocities", np.zeros((self.size, 2)), {})
             object.__setattr__(self, "velocities", rest)
-        fast = np.hypot(*self.velocities.T)
-        if (fast >= self.speed).any():
-            row = int(np.flatnonzero(fast >= self.speed)[0])
+        for name in ("wind", "home_velocity"):
+            value = getattr(self, name)
+            if (
+                value is not None and not value.any()
+            ):  # calm air and a home at rest are the defaults
+                object.__setattr__(self, name, None)
+        fast = np.hypot(*self.drifts.T)
+        relative = "" if self.wind is None else " relative to the air"
+        if not (fast < self.speed).all():
+            row = int(np.flatnonzero(~(fast < self.speed))[0])
             raise InvalidData(
-                f"velocities[{row}] must be slower than the UAV, {self.speed:g} m/s: it might never be "
-                f"caught; got {show(self.velocities[row].tolist())}, {fast[row]:g} m/s",
+                f"velocities[{row}] must be slower than the UAV, {self.speed:g} m/s{relative}: it might "
+                f"never be caught; got {show(self.velocities[row].tolist())}, {fast[row]:g} "
+                f"m/s{relative}",
                 field="velocities",
             )
+        self._check_home(relative)
         if self.start is None:
-            if not self.closed or self.velocities.any():
+            if not self.closed or not self.at_rest or self.wind is not None:
                 raise InvalidData(
                     "start must be given, got None: only a closed tour over vehicles at rest may "
                     "begin anywhere",
@@ -77,10 +91,36 @@ class TourData(Model[TourPlan]):
                 field="start",
             )
 
+    def _check_home(self, relative: str) -> None:
+        """Validate the home, to which a closed tour returns."""
+        if self.home_velocity is not None and not self.closed:
+            raise InvalidData(
+                f"home_velocity must be None unless closed is True: an open tour does not return; got "
+                f"{show(self.home_velocity.tolist())}",
+                field="home_velocity",
+            )
+        fast = float(np.hypot(*self.home_drift))
+        if self.closed and not fast < self.speed:
+            name = "wind" if self.home_velocity is None else "home_velocity"
+            raise InvalidData(
+                f"{name} must leave the home of a closed tour slower than the UAV, {self.speed:g} "
+                f"m/s{relative}; got {show(getattr(self, name).tolist())}, a home at {fast:g} "
+                f"m/s{relative}",
+                field=name,
+            )
+
     @property
     def size(self) -> int:
         """Number of vehicles."""
         return len(self.positions)
+
+    def uncovered(self, carried: Set[str]) -> str:
+        """Return the reason why a method that carries only the added fields `carried` cannot be used."""
+        for field in fields(self):
+            used = field.metadata.get("added") and getattr(self, field.name) is not None
+            if used and field.name not in carried:
+                return f"the field {field.name} of a messenger tour"
+        return ""
 
     @property
     def heading(self) -> float | None:
@@ -90,8 +130,38 @@ class TourData(Model[TourPlan]):
 
     @property
     def at_rest(self) -> bool:
-        """True if no vehicle moves."""
-        return not self.velocities.any()
+        """True if neither a vehicle nor the home moves over the ground."""
+        return not self.velocities.any() and self.home_velocity is None
+
+    @cached_property
+    def drifts(self) -> Floats:
+        """Velocities of the vehicles relative to the air, in m/s, shape (n, 2)."""
+        return self.velocities if self.wind is None else self.velocities - self.wind
+
+    @property
+    def home_drift(self) -> Floats:
+        """Velocity of the home relative to the air, in m/s, shape (2,)."""
+        still = np.zeros(2)
+        home = still if self.home_velocity is None else self.home_velocity
+        return home - (still if self.wind is None else self.wind)
+
+    @property
+    def drift(self) -> Floats:
+        """Displacement by the wind per metre flown through the air, shape (2,)."""
+        return np.zeros(2) if self.wind is None else self.wind / self.speed
+
+    def relative_to_air(self) -> Self:
+        """Return the same task in the frame that moves with the air, which is an exact change of frame."""
+        if self.wind is None:
+            return self
+        home = self.home_drift if self.closed else None
+        return replace(self, velocities=self.drifts, home_velocity=home, wind=None)
+
+    def to_ground(self, plan: TourPlan, sign: float = 1.0) -> TourPlan:
+        """Return a plan of :meth:`relative_to_air` with its points over the ground; the inverse for -1."""
+        if self.wind is None:
+            return plan
+        return replace(plan, points=plan.points + sign * plan.times[:, None] * self.wind)
 
     @cached_property
     def extent(self) -> float:

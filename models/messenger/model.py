@@ -54,6 +54,14 @@ class MessengerTour(TourData):
         Whether the path returns to its initial position and heading.
     ids : sequence of int or str, optional
         Names of the vehicles.
+    wind : ndarray, shape (2,), optional
+        Velocity w of the air over the ground in metres per second. Speed, turning radius, headings
+        and the length v T are relative to the air, so the objective is still the time times the
+        speed. Each vehicle, and the home of a closed tour, must be slower than the UAV relative to the
+        air.
+    home_velocity : ndarray, shape (2,), optional
+        Velocity of the home over the ground in metres per second, for example that of a carrier. The
+        path of a closed tour ends at the home, with its initial heading.
 
     Raises
     ------
@@ -112,6 +120,8 @@ class MessengerTour(TourData):
         low, high = self.radius.min(), self.radius.max()
         radius = f"{low:g}" if low == high else f"{low:g} … {high:g}"
         kind = ", closed" if self.closed else ""
+        for name, value in (("wind", self.wind), ("home at", self.home_velocity)):
+            kind += "" if value is None else f", {name} {np.hypot(*value):.4g} m/s"
         rest = ", at rest" if self.at_rest else ""
         return (
             f"{self.size} vehicle{'s' * (self.size > 1)}{rest}, radius {radius} m, "

@@ -30,7 +30,16 @@ from .dubins import WORDS, shortest, word_lengths
 from .model import MessengerTour
 from .plan import Primitive, TourPlan
 
-__all__ = ["Layout", "equations", "guess_tour", "match_primitives", "met_after", "tour", "words_of"]
+__all__ = [
+    "Layout",
+    "chase",
+    "equations",
+    "guess_tour",
+    "match_primitives",
+    "met_after",
+    "tour",
+    "words_of",
+]
 
 Floats = NDArray[np.float64]
 
@@ -85,7 +94,7 @@ def equations(
         curvature.
     data : dict
         ``"place"`` (n, 2), P_i in the order of encounters relative to the
-        start, in m; ``"drift"`` (n, 2), c_i; ``"radius"``, the turning radius in m; ``"winding"``,
+        start, in m; ``"drift"`` (n, 2), c_i; ``"home"`` (2,), that of the home; ``"radius"``, the turning radius in m; ``"winding"``,
         the number of full circles of a closed tour; ``"blunt"``, the rounding of the tip of the
         cone of a leg without turns, in m.
 
@@ -126,7 +135,8 @@ def equations(
             rows["apart"].append(dx * dx + dy * dy)
             goal, before = part["heading"][leg] if layout.turning else 0.0, s
         else:
-            here, goal = (x0, y0), h0 + 2.0 * math.pi * data["winding"]
+            here = (x0 + data["home"][0] * way, y0 + data["home"][1] * way)
+            goal = h0 + 2.0 * math.pi * data["winding"]
         ahead, left = ahead - here[0], left - here[1]
         if layout.turning:
             rows["motion"] += [ahead, left]
@@ -163,9 +173,8 @@ def tour(
     headed = (
         piece._replace(heading=float(h)) for piece, h in zip(pieces, poses[:, 2], strict=False)
     )
-    return replace(
-        bare, times=flown[ends] / model.speed, points=poses[ends, :2], primitives=tuple(headed)
-    )
+    points = poses[ends, :2] + flown[ends, None] * model.drift
+    return replace(bare, times=flown[ends] / model.speed, points=points, primitives=tuple(headed))
 
 
 def words_of(model: MessengerTour, plan: TourPlan) -> tuple[str, ...]:
@@ -216,10 +225,14 @@ def met_after(
 ) -> Floats:
     """Return the durations (s) of straight flights from `place` (m) at `time` (s) to vehicles."""
     rate = model.velocities[vehicles]
-    way = model.positions[vehicles] + rate * time - place
-    along, fast = (way * rate).sum(axis=1), np.hypot(*rate.T)
-    room = (model.speed - fast) * (model.speed + fast)
-    after: Floats = (along + np.sqrt(along**2 + room * (way**2).sum(axis=1))) / room
+    return chase(model.positions[vehicles] + rate * time - place, rate, model.speed)
+
+
+def chase(way: Floats, rate: Floats, speed: float) -> Floats:
+    """Return the durations (s) of straight flights to places at `way` (m) that move at `rate` (m/s)."""
+    along, fast = (way * rate).sum(axis=-1), np.hypot(*rate.T)
+    room = (speed - fast) * (speed + fast)
+    after: Floats = (along + np.sqrt(along**2 + room * (way**2).sum(axis=-1))) / room
     return after
 
 
@@ -231,6 +244,7 @@ def guess_tour(
     Without `order`, the vehicle met soonest on a straight line comes next. Without `words`, the legs
     are shortest paths. The tour may be infeasible if a word is not one of the six Dubins words.
     """
+    ground, model = model, model.relative_to_air()
     n, r = model.size, model.turning_radius
     met: list[int] = []
 
@@ -249,7 +263,10 @@ def guess_tour(
     start = pose = np.append(place, heading)
     legs: list[tuple[str, tuple[float, ...], float]] = []
     for row in range(n + model.closed):
-        goal, after, rate, end = start[:2], 0.0, np.zeros(2), float(start[2])
+        rate, end = model.home_drift, float(start[2])
+        goal = start[:2] + rate * time
+        after = float(chase(goal - place, rate, model.speed))
+        goal = goal + rate * after
         if row < n:
             vehicle, goal, after = soonest(place, time)
             met.append(vehicle)
@@ -268,7 +285,7 @@ def guess_tour(
         time += sum(leg[1]) / model.speed
         place, pose = goal, np.append(goal, end)
     return tour(
-        model, met, [word for word, *_ in legs], start,
+        ground, met, [word for word, *_ in legs], start,
         np.array([length for _, lengths, _ in legs for length in lengths]),
         np.repeat([way for *_, way in legs], [len(lengths) for _, lengths, _ in legs]),
     )  # fmt: skip

@@ -14,6 +14,7 @@ from ..verification import Check, Verification
 from .checks import UNDECIDABLE, integrated
 from .model import MessengerTour
 from .plan import TourPlan
+from .plot_fields import draw_fields, field_keys
 from .sampling import Track, outline, track
 
 __all__ = ["animate_tour", "draw", "draw_progress"]
@@ -93,6 +94,7 @@ def draw(
     for place, box in enumerate(boxes):
         axes = scene.box(place * wide + 0.72, foot, wide - 0.8, scene.tall - foot - head)
         scale = kit.dress_map(axes, *box)
+        draw_fields(model, plan, axes, scale)
         if tour is None:
             _draw_vehicles(model, axes, scale, labels=labels)
             continue
@@ -121,7 +123,7 @@ class _Drawn:
 
     def __init__(self, model: MessengerTour, plan: TourPlan, result: Verification) -> None:
         self.model, self.plan, self.result = model, plan, result
-        self.path = outline(plan, model.turning_radius)
+        self.path = outline(plan, model.turning_radius, model.drift)
         self.met = np.array(plan.order, int)
         self.meetings = model.positions[self.met] + model.velocities[self.met] * plan.times[:, None]
         self.places = _places(self)
@@ -165,6 +167,8 @@ def _places(tour: _Drawn) -> dict[str, kit.Floats]:
     """Return the places on the map by their text in a check."""
     model, plan = tour.model, tour.plan
     poses = integrated(plan, model.turning_radius)
+    flown = np.cumsum([0.0, *(primitive.length for primitive in plan.primitives)])
+    poses[:, :2] += flown[:, None] * model.drift
     places = {"start": poses[0, :2], "end": poses[-1, :2]}
     places |= {f"primitive {k}": pose[:2] for k, pose in enumerate(poses[:-1])}
     for k in range(model.size):
@@ -252,8 +256,11 @@ def _draw_arrows(tour: _Drawn, axes: Any, scale: float) -> None:
     lengths = np.bincount(legs, [primitive.length for primitive in pieces])
     ends = np.cumsum(lengths)
     shown = lengths * scale > _LONG * np.ptp(axes.get_xlim())
-    middles = track(tour.plan, tour.model.turning_radius, (ends - 0.5 * lengths)[shown]).poses
-    kit.point_ways(axes, middles[:, :2] * scale, middles[:, 2], kit.DARK, 5.5)
+    model, along = tour.model, (ends - 0.5 * lengths)[shown]
+    middles = track(tour.plan, model.turning_radius, along, model.drift).poses
+    # The course over the ground differs from the heading in wind.
+    way = np.column_stack([np.cos(middles[:, 2]), np.sin(middles[:, 2])]) + model.drift
+    kit.point_ways(axes, middles[:, :2] * scale, np.arctan2(*way.T[::-1]), kit.DARK, 5.5)
 
 
 def _draw_start(axes: Any, start: kit.Floats, scale: float) -> None:
@@ -321,12 +328,13 @@ def _keys(model: MessengerTour, tour: _Drawn | None) -> list[Any]:
     keys = [begin]
     if model.start is not None or tour is not None:
         keys.insert(0, kit.key("start", marker=(3, 0, 0), mfc="white", mec=kit.BLACK, ms=8))
+    keys += field_keys(model, None if tour is None else tour.plan)
     disc = {"marker": "o", "ms": 9, "mfc": VEHICLE, "mec": VEHICLE, "alpha": 0.35}
     if tour is None:
         keys += [kit.key("its disc", **disc)] * bool(model.radius.any())
-        keys += [kit.key("its velocity", color=VEHICLE, lw=1.4)] * (not model.at_rest)
+        keys += [kit.key("its velocity", color=VEHICLE, lw=1.4)] * bool(model.velocities.any())
         return keys
-    keys += [kit.key("its track", color=VEHICLE, lw=0.9)] * (not model.at_rest)
+    keys += [kit.key("its track", color=VEHICLE, lw=0.9)] * bool(model.velocities.any())
     keys += [kit.key("its disc when met", **disc)] * bool(model.radius.any())
     keys.append(kit.key("encounter (number)", marker="o", color=kit.BLACK, ms=5))
     if len(tour.broken):
@@ -355,7 +363,7 @@ def animate_tour(
     tour = _Drawn(model, plan, model.verify(plan))  # rejects an unknown vehicle
     path, end = tour.path, plan.length / model.speed
     times = np.linspace(0.0, end, frames)
-    flown = track(plan, model.turning_radius, times * model.speed).poses
+    flown = track(plan, model.turning_radius, times * model.speed, model.drift).poses
     met_at = np.full(model.size, np.inf)
     met_at[tour.met] = plan.times
     # Vehicles may leave the map after their encounter.

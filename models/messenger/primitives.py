@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import InvalidData, UnsupportedOption, show
+from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption, show
 from ..formulation import Formulation
 from ..programs.blocks import Block
 from ..programs.compiled import require_casadi
@@ -90,6 +90,8 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
 
     def __post_init__(self) -> None:
         require_casadi(f"formulation {self.name!r}")
+        if refusal := self.model.uncovered({"wind", "home_velocity"}):
+            raise UnsupportedFormulation(f"formulation {self.name!r} does not cover {refusal}")
         n, legs = self.model.size, self.model.size + self.model.closed
         order, words = self.order, self.words
         if order is not None:
@@ -162,7 +164,8 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         x = ca.SX.sym("x", sum(self.layout.sizes.values()))
         data = {
             "place": model.positions[met] - self._origin,
-            "drift": model.velocities[met] / model.speed,
+            "drift": model.drifts[met] / model.speed,
+            "home": model.home_drift / model.speed,
             "radius": model.turning_radius,
             "winding": self.winding,
             "blunt": BLUNT * self.reach,
@@ -318,7 +321,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         ends = np.searchsorted(legs, np.arange(model.size), side="right")
         flown = np.concatenate([[0.0], np.cumsum(lengths)])[ends]
         met = list(plan.order)
-        vehicles = model.positions[met] + model.velocities[met] * (flown / model.speed)[:, None]
+        vehicles = model.positions[met] + model.drifts[met] * (flown / model.speed)[:, None]
         x = np.zeros(sum(layout.sizes.values()))
         part = layout.split(x)
         part["start"][:2] = plan.start[:2] - self._origin
@@ -361,11 +364,10 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         lengths = np.maximum(part["length"], 0.0)
         if self.layout.turning:
             return tour(self.model, order, self.turns, start, lengths)
-        met = list(order)
-        vehicles = self.model.positions[met] + self.model.velocities[met] * (
-            part["flown"] / self.model.speed
-        )[:, None]  # fmt: skip
-        back = [start[:2]] * self.model.closed
+        model, met, times = self.model, list(order), part["flown"][:, None] / self.model.speed
+        vehicles = model.positions[met] + model.drifts[met] * times
+        home = model.home_drift * (part["length"].sum() / model.speed)
+        back = [start[:2] + home] * model.closed
         path = np.vstack([start[:2], vehicles + part["offset"].reshape(-1, 2), *back])
         along = np.diff(path, axis=0)
         chord, towards = np.hypot(*along.T), np.arctan2(along[:, 1], along[:, 0])

@@ -37,7 +37,7 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Scaled data of a model: its vehicles, followed by its start as a vehicle at rest.
+    """Scaled data of a model relative to the air: its vehicles, followed by its start and home.
 
     `centres` (n + 1, 2), `velocities` (n + 1, 2) and `radii` (n + 1,) are P relative to `origin`, V / v,
     and r, in units of `unit` (m); 0 for the start. `origin` (m) is the start of the path or, without
@@ -62,7 +62,7 @@ class Field:
         unit = float(np.hypot(*apart.T).max()) or float(model.radius.max()) or 1.0
         return cls(
             np.vstack([apart, np.zeros((1, 2))]) / unit,
-            np.vstack([model.velocities / model.speed, np.zeros((1, 2))]),
+            np.vstack([model.drifts, model.home_drift]) / model.speed,
             np.append(model.radius, 0.0) / unit,
             unit,
             origin,

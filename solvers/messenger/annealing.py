@@ -95,7 +95,9 @@ def _amplify(stops: Stops, count: int, scene: Scene, growth: Floats) -> None:
         size = math.sqrt((ex - x) ** 2 + (ey - y) ** 2)
         if size > 0.0:
             along = ((ex - x) * nodes[i, 2] + (ey - y) * nodes[i, 3]) / size
-            growth[count - 1] = (speed - along) / speed
+            i = order[0]
+            back = ((ex - x) * nodes[i, 2] + (ey - y) * nodes[i, 3]) / size
+            growth[count - 1] = (speed - along) / (speed - back)
     for k in range(count - 1, 0, -1):
         i, j = order[k - 1], order[k]
         x, y, _ = where(nodes[i], poses[i], times[k - 1])

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from ...jit import clock
 from ...models.messenger.model import MessengerTour
-from ...models.messenger.motion import tour
+from ...models.messenger.motion import chase, tour
 from ...models.messenger.plan import TourPlan
-from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from ..contract.backend import Answer, Feature, Guarantee, Limit, Request, Termination
+from .extensions import TourBackend
 
 __all__ = ["CurvatureBound", "EuclideanBound"]
 
@@ -20,7 +21,7 @@ __all__ = ["CurvatureBound", "EuclideanBound"]
 ROUNDING = 1e-8
 
 
-class EuclideanBound(Backend):
+class EuclideanBound(TourBackend):
     """Lower bound: the shortest tour without curvature limit, by branch and bound over the orders.
 
     If a limit ends the search, the bound proven so far is valid. With a turning radius of 0 the
@@ -28,7 +29,6 @@ class EuclideanBound(Backend):
     """
 
     name = "euclidean-bound"
-    accepts = MessengerTour
     guarantee = Guarantee.RELAXATION
     features = frozenset({Feature.GAP, Feature.CUTOFF, Feature.DUAL_BOUND, Feature.INTERRUPT})
     deterministic = True
@@ -37,7 +37,7 @@ class EuclideanBound(Backend):
     summary = "a proven lower bound: the best tour without the limit on curvature; ours"
     curved: ClassVar[bool] = False
 
-    def run(self, problem: MessengerTour, request: Request) -> Answer:
+    def fly(self, problem: MessengerTour, request: Request) -> Answer:
         """Search over the orders; return the proven bound."""
         from .bound_search import OrderSearch
 
@@ -99,7 +99,12 @@ class CurvatureBound(EuclideanBound):
 def straight(model: MessengerTour, order: tuple[int, ...], points: NDArray[np.float64]) -> TourPlan:
     """Return the plan of straight legs to places (m), shape (n, 2), for a UAV that turns on the spot."""
     begin = points[0] if model.start is None else model.start[:2]
-    steps = np.diff(np.vstack([begin, points, *([begin] if model.closed else [])]), axis=0)
+    path = np.vstack([begin, points])
+    if model.closed:
+        rate = model.home_drift
+        home = begin + rate * (np.hypot(*np.diff(path, axis=0).T).sum() / model.speed)
+        path = np.vstack([path, home + rate * chase(home - path[-1], rate, model.speed)])
+    steps = np.diff(path, axis=0)
     moving = np.any(steps, axis=1)
     lengths, headings = np.hypot(*steps[moving].T), np.arctan2(*steps[moving, ::-1].T)
     heading = model.heading

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.messenger.model import MessengerTour
+from ...models.messenger.motion import chase
 from ...models.messenger.relaxation import Field
 from .bound_conic import Chains, Path
 from .bound_kernels import insertions, tabulate
@@ -272,7 +273,8 @@ def fly_path(field: Field, order: tuple[int, ...], path: Path, at: list[float]) 
     length = clock
     if field.closed:
         home = points[0] if field.free else np.zeros(2)
-        length += float(np.hypot(*(place - home)))
+        drift = np.zeros(2) if field.free else field.velocities[-1]
+        length += float(chase(home + drift * length - place, drift, 1.0))
     return Ordered(length * field.unit, order, np.array(points) * field.unit + field.origin)
 
 

@@ -37,6 +37,7 @@ __all__ = [
     "arrive",
     "beyond",
     "confine",
+    "end_time",
     "fly",
     "leg",
     "perturb",
@@ -170,6 +171,17 @@ def reach_next(i: int, t: float, j: int, stops: Stops, scene: Scene) -> float:
     """Return the time at which node j is met after node i at time t."""
     x, y, h = where(scene.nodes[i], stops.poses[i], t)
     return arrive(x, y, h, t, scene.nodes[j], stops.poses[j], scene.speed, scene.r)
+
+
+@kernel(interpretable=True, in_place=True)
+def end_time(stops: Stops, count: int, scene: Scene) -> float:
+    """Return the time (s) at which a closed path reaches a home that moves; 0 for a home at rest."""
+    i = stops.order[0]
+    if not scene.closed or (scene.nodes[i, 2] == 0.0 and scene.nodes[i, 3] == 0.0):
+        return 0.0
+    last = stops.order[count - 1]
+    time: float = reach_next(last, stops.times[count - 1], i, stops, scene)
+    return time
 
 
 @kernel

@@ -13,7 +13,7 @@ from ...models.messenger.dubins import WORDS, advance
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import SIGNS, Primitive, TourPlan
 from ...models.messenger.sampling import outline, track
-from .chain import DISC, FIXED, RIM, TURNS, Scene, Stops, confine, leg, where
+from .chain import DISC, FIXED, RIM, TURNS, Scene, Stops, confine, end_time, leg, where
 from .passing import CLOSEST, GAP, PIECE, PIECES, TIME, passes, trace
 
 __all__ = ["Chain", "cut", "move_to_boundary"]
@@ -44,7 +44,7 @@ class Chain:
             self.stops.poses[0, 0] = 0.0 if interior else problem.radius[0]
         else:
             self.stops.order[0] = n
-            nodes[n, :2] = problem.start[:2]
+            nodes[n, :2], nodes[n, 2:4] = problem.start[:2], problem.home_drift
             freedom[n] = TURNS if problem.heading is None else FIXED
             self.stops.poses[n, 2] = problem.heading or 0.0
 
@@ -69,13 +69,15 @@ class Chain:
         order, times, poses = self.stops
         nodes = self.scene.nodes
         flown, primitives, met = 0.0, [], {}
+        home = end_time(self.stops, self.count, self.scene)
         for k in range(self.count + problem.closed):
             if k:
                 a, b = int(order[k - 1]), int(order[k % self.count])
                 begin = where(nodes[a], poses[a], times[k - 1])
-                end = where(nodes[b], poses[b], times[k] if k < self.count else 0.0)
+                until = float(times[k]) if k < self.count else home
+                end = where(nodes[b], poses[b], until)
                 # A length of 0 selects the shortest path back.
-                length = speed * (times[k] - times[k - 1]) if k < self.count else 0.0
+                length = speed * (until - times[k - 1]) if until > 0.0 else 0.0
                 *lengths, word = leg(*begin, *end, r, length)
                 for length, sign in zip(lengths, WORDS[word].tolist(), strict=True):
                     if length > 0.0:

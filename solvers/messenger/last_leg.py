@@ -105,7 +105,7 @@ def shorten_last_leg(
 def fly_to_rims(
     problem: MessengerTour, order: Iterable[int], flag: Flag | None = None
 ) -> TourPlan | None:
-    """Return the tour of shortest legs to the discs in an order; None if a leg is not found.
+    """Return the tour of shortest legs to the discs in an order; None if a leg or the home is not met.
 
     The tour is fast for many vehicles, and exact for long legs: each leg begins at the end of the
     previous one and has a free final heading, so neither turns nor rounding errors accumulate.
@@ -139,6 +139,8 @@ def fly_to_rims(
             pose, flown = advance(*pose, part, sign, r), flown + part
         missed[target] = False
         stops.setdefault(target, flown)
+    if problem.closed and problem.home_velocity is not None:
+        return None
     if problem.closed:
         *parts, word = shortest(*pose, *start, r)
         path += [(sign, part, None) for sign, part in zip(WORDS[word].tolist(), parts, strict=True)]

@@ -24,7 +24,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .stages import STIFF, Expansion, Legs, Point, Prices, end_leg, flight, merit, move, offset
+from .stages import (
+    STIFF,
+    Expansion,
+    Legs,
+    Point,
+    Prices,
+    beyond_home,
+    end_leg,
+    flight,
+    merit,
+    move,
+    offset,
+)
 
 __all__ = ["improve"]
 
@@ -296,8 +308,9 @@ def _update_prices(
             lam[j + 1, i] += ahead * (costate - lam[j + 1, i])
         if j == len(t):
             for i in range(3):
-                off = y[j + 1, i] - y[0, i] - (legs.turn if i == 2 else 0.0)
-                price[j, i] += ahead * STIFF * (off + dy[j + 1, i] - dy[0, i])
+                off = beyond_home(y, j, i, legs) + dy[j + 1, i] - dy[0, i]
+                off -= 0.0 if i == 2 else legs.drift[j, i] * dy[j + 1, 3]
+                price[j, i] += ahead * STIFF * off
         elif legs.radius[j] > 0.0:
             nu[j] += dual * (mu - nu[j] * (t[j] + dt[j])) / t[j]
         else:

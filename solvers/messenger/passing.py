@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 from ...models.messenger.dubins import WORDS, advance
-from .chain import Scene, Stops, leg, where
+from .chain import Scene, Stops, end_time, leg, where
 
 __all__ = ["CLOSEST", "GAP", "LEG", "PIECE", "PIECES", "TIME", "passes", "trace"]
 
@@ -39,13 +39,14 @@ def trace(stops: Stops, count: int, scene: Scene, pieces: Floats) -> int:
     pieces[0, 3], pieces[0, 4], pieces[0, 5], pieces[0, 6] = 0.0, 0.0, 0.0, 1.0
     pieces[0, 7], pieces[0, 8] = pieces[0, 0], pieces[0, 1]
     size = 1
+    home = end_time(stops, count, scene)
     for k in range(1, count + scene.closed):
         i, t = order[k - 1], times[k - 1]
         x, y, h = where(nodes[i], poses[i], t)
         j = order[k] if k < count else order[0]
-        # Closed tours return only to a start at rest.
-        ex, ey, eh = where(nodes[j], poses[j], times[k] if k < count else 0.0)
-        length = speed * (times[k] - t) if k < count else 0.0
+        until = times[k] if k < count else home
+        ex, ey, eh = where(nodes[j], poses[j], until)
+        length = speed * (until - t) if until > 0.0 else 0.0
         a, b, c, word = leg(x, y, h, ex, ey, eh, r, length)
         for part in range(3):
             length = a if part == 0 else b if part == 1 else c

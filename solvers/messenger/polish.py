@@ -143,7 +143,7 @@ class _Field:
         self.unit = max(plan.length / legs, problem.extent / n, float(problem.radius.max())) or 1.0
         self.radius = problem.radius[met] / self.unit
         self.place = np.ascontiguousarray((problem.positions[met] - start) / self.unit)
-        self.drift = np.ascontiguousarray(problem.velocities[met] / problem.speed)
+        self.drift = np.vstack([problem.drifts[met], problem.home_drift])[:legs] / problem.speed
         where, facing = float(problem.start is None), float(problem.heading is None)
         self.free = np.array([where, where, facing])
         self.heading = float(plan.start[2]) if problem.heading is None else problem.heading

@@ -17,7 +17,6 @@ from ...models.messenger.motion import tour
 from ...models.messenger.plan import TourPlan
 from ..contract.backend import (
     Answer,
-    Backend,
     Feature,
     Guarantee,
     Option,
@@ -25,6 +24,7 @@ from ..contract.backend import (
     Termination,
 )
 from .decoding import Task, trace
+from .extensions import TourBackend
 
 __all__ = ["Flight", "RandomRival", "Rival"]
 
@@ -82,10 +82,9 @@ class Flight:
         return length
 
 
-class Rival(Backend):
+class Rival(TourBackend):
     """Base class of the paper's algorithms; a subclass implements `search`."""
 
-    accepts = MessengerTour
     guarantee = Guarantee.HEURISTIC
     features = frozenset({Feature.INCUMBENTS, Feature.INTERRUPT})
     single_threaded = True
@@ -102,11 +101,10 @@ class Rival(Backend):
             return "a turning radius of 0: the paper's UAV is a Dubins vehicle"
         if problem.heading is None:
             return "a start without a heading: the paper's tours begin with a given one"
-        return ""
+        return super().refuses(problem)
 
-    def run(self, problem: MessengerTour, request: Request) -> Answer:
+    def fly(self, problem: MessengerTour, request: Request) -> Answer:
         """Search, and return the best path."""
-        self.require_support(problem)
         begin = clock()
         flight = Flight(problem, request)
         statistics = self.search(flight, request)

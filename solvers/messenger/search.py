@@ -16,7 +16,6 @@ from ...models.messenger.motion import met_after
 from ...models.messenger.plan import TourPlan
 from ..contract.backend import (
     Answer,
-    Backend,
     Feature,
     Guarantee,
     Limit,
@@ -27,6 +26,7 @@ from ..contract.backend import (
 from .annealing import anneal
 from .chain import fly
 from .emission import Chain, move_to_boundary
+from .extensions import TourBackend
 from .last_leg import fly_to_rims, shorten_last_leg
 
 __all__ = ["TourSearch"]
@@ -49,7 +49,7 @@ BETTER = 1e-6
 NEAR = 1.03
 
 
-class TourSearch(Backend):
+class TourSearch(TourBackend):
     """Ruin and recreate under annealing, from many starts, then the best tours again; ours.
 
     The best tours are polished by the nonlinear program of their order and turns, which never makes them longer.
@@ -57,7 +57,6 @@ class TourSearch(Backend):
     """
 
     name = "tour-search"
-    accepts = MessengerTour
     guarantee = Guarantee.RELAXATION
     features = frozenset(
         {
@@ -81,7 +80,7 @@ class TourSearch(Backend):
     }
     summary = "annealing, polish, and a proven bound; ours"
 
-    def run(self, problem: MessengerTour, request: Request) -> Answer:
+    def fly(self, problem: MessengerTour, request: Request) -> Answer:
         """Search until a limit is reached, the gap is closed, or the patience is exhausted."""
         return _Search(self, problem, request).answer()
 

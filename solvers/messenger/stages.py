@@ -16,6 +16,7 @@ __all__ = [
     "Legs",
     "Point",
     "Prices",
+    "beyond_home",
     "end_leg",
     "flight",
     "merit",
@@ -36,9 +37,9 @@ class Legs(NamedTuple):
     ----------
     bend : ndarray, shape (k, 3)
         Signed curvature of each primitive.
-    place, drift : ndarray, shape (n, 2)
+    place, drift : ndarray, shape (n, 2), (k, 2)
         Position of vehicle j after a flight of length s: ``place[j] + drift[j] s``. A leg after the
-        last vehicle leads back to the start.
+        last vehicle leads back to the start, which moves by ``drift[n] s``.
     radius : ndarray, shape (n,)
         Largest distance at each encounter, at least 0.
     turn : float
@@ -121,6 +122,14 @@ def offset(y: Floats, j: int, legs: Legs) -> tuple[float, float]:
 
 
 @kernel
+def beyond_home(y: Floats, j: int, i: int, legs: Legs) -> float:
+    """Return entry `i` of the pose at the end of leg `j` minus that of the home, where the leg leads."""
+    if i == 2:
+        return float(y[j + 1, 2] - y[0, 2] - legs.turn)
+    return float(y[j + 1, i] - y[0, i] - legs.drift[j, i] * y[j + 1, 3])
+
+
+@kernel
 def merit(
     point: Point, legs: Legs, mu: float, weight: Floats, by: Floats
 ) -> tuple[float, float, float]:
@@ -147,8 +156,8 @@ def merit(
                 continue
             gap = abs(ax) + abs(ay)
         else:
-            gap = abs(y[j + 1, 0] - y[0, 0]) + abs(y[j + 1, 1] - y[0, 1])
-            gap += abs(y[j + 1, 2] - y[0, 2] - legs.turn)
+            gap = abs(beyond_home(y, j, 0, legs)) + abs(beyond_home(y, j, 1, legs))
+            gap += abs(beyond_home(y, j, 2, legs))
         off += weight[2] * gap
         wrong += gap
     return value + off, off, wrong
@@ -162,13 +171,20 @@ def end_leg(
     y, price = point.y, prices.price
     if j == len(point.t):  # back at the start: difference to the copy of the start's state
         for i in range(3):
-            off = y[j + 1, i] - y[0, i] - (legs.turn if i == 2 else 0.0)
+            pull = price[j, i] + STIFF * beyond_home(y, j, i, legs)
+            moves = 0.0 if i == 2 else legs.drift[j, i]
+            tilt[i] += pull
+            tilt[i + 4] -= pull
+            tilt[3] -= moves * pull
             curve[i, i] += STIFF
             curve[i + 4, i + 4] += STIFF
             curve[i, i + 4] -= STIFF
             curve[i + 4, i] -= STIFF
-            tilt[i] += price[j, i] + STIFF * off
-            tilt[i + 4] -= price[j, i] + STIFF * off
+            curve[i, 3] -= moves * STIFF
+            curve[3, i] -= moves * STIFF
+            curve[i + 4, 3] += moves * STIFF
+            curve[3, i + 4] += moves * STIFF
+            curve[3, 3] += moves * moves * STIFF
         return
     ax, ay = offset(y, j, legs)
     r, cx, cy = legs.radius[j], legs.drift[j, 0], legs.drift[j, 1]

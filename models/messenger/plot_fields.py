@@ -1,0 +1,44 @@
+"""Marks of the extended fields of a tour on its map, and their keys in the legend."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..plots import kit
+from .model import MessengerTour
+from .plan import TourPlan
+
+__all__ = ["draw_fields", "field_keys"]
+
+_WIND = kit.colour_of(2)
+#: Length of the arrow of the wind, as a share of the map.
+_ARROW = 0.1
+
+
+def draw_fields(model: MessengerTour, plan: TourPlan | None, axes: Any, scale: float) -> None:
+    """Draw the wind as an arrow at the start, and the track of the home until the end of `plan`."""
+    if model.wind is not None and model.start is not None:
+        span = max(np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim()))
+        arrow = model.wind * (_ARROW * span / np.hypot(*model.wind))
+        axes.quiver(
+            *(model.start[:2] * scale), *arrow, color=_WIND, angles="xy", scale_units="xy", scale=1,
+            width=0.006, zorder=6, gid="wind",
+        )  # fmt: skip
+    if model.home_velocity is not None and plan is not None:
+        way = model.home_velocity * (plan.length / model.speed)
+        track = np.array([plan.start[:2], plan.start[:2] + way]) * scale
+        kit.draw_lines(
+            axes, track[None], linewidths=0.9, color=kit.BLACK, ls="--", zorder=3, gid="home"
+        )
+
+
+def field_keys(model: MessengerTour, plan: TourPlan | None) -> list[Any]:
+    """Return the entries of the legend for the marks of :func:`draw_fields`."""
+    keys = []
+    if model.wind is not None and model.start is not None:
+        keys.append(kit.key("wind", color=_WIND, lw=2.2))
+    if model.home_velocity is not None and plan is not None:
+        keys.append(kit.key("track of the home", color=kit.BLACK, lw=0.9, ls="--"))
+    return keys
