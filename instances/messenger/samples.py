@@ -25,7 +25,9 @@ def write_tour_samples(
 
     The columns are ``t,x,y,heading,leg``: s, m, m, rad, and the number of the leg, from 0. Headings
     are counter-clockwise from the x axis, and are not wrapped. In wind, places are over the ground, and
-    headings are relative to the air. The file is written atomically.
+    headings are relative to the air. With
+    several UAVs, a column ``uav`` has the index of the UAV, and the rows of each end at its last encounter or
+    at its home. The file is written atomically.
 
     Parameters
     ----------
@@ -52,10 +54,17 @@ def write_tour_samples(
     required("model", model, MessengerTour)
     duration = plan.length / model.speed
     times = np.arange(sample_count(duration, rate) + 1) / rate
-    times = np.append(times[times < duration * (1 - 1e-9)], duration)
-    samples = track(plan, model.turning_radius, times * model.speed, model.drift)
-    table = zip(times.tolist(), *samples.poses.T.tolist(), samples.legs.tolist(), strict=True)
-    return write_rows(path, ("t", "x", "y", "heading", "leg"), table)
+    rows: list[tuple[float, ...]] = []
+    for uav, part in enumerate(plan.parts()):
+        end = part.length / model.speed
+        now = np.append(times[times < end * (1 - 1e-9)], end)
+        samples = track(part, model.turning_radius, now * model.speed, model.drift)
+        more = [[uav] * len(now)] if plan.shares else []
+        rows += zip(
+            now.tolist(), *samples.poses.T.tolist(), samples.legs.tolist(), *more, strict=True
+        )
+    columns = ("t", "x", "y", "heading", "leg", "uav")
+    return write_rows(path, columns if plan.shares else columns[:-1], rows)
 
 
 SAMPLES = ExportFormat("samples of the path (CSV)", ".csv", write_tour_samples)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import InvalidData, show
 from ..fields import required
 from ..verification import NEAR, Check, Verification, check_entries, check_tolerance
 from .data import TourData
@@ -52,6 +53,10 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
     check_tolerance(tolerance)
     required("plan", plan, TourPlan)
     n = model.size
+    if plan.shares:
+        raise InvalidData(
+            f"shares must be empty for one UAV, got {show(plan.shares)}", field="shares"
+        )
     check_entries("order", plan.order, 0, n - 1, "order")
     legs = np.array([item.leg for item in plan.primitives], int)
     lengths = np.array([item.length for item in plan.primitives])

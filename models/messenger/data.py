@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Set
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Self
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ..fields import Array, Flag, Optional, Real, declared, show
+from ..fields import Array, Flag, Optional, Real, Whole, declared, show
 from ..inputs import Field, FloatArray, FloatsOrNone, Names, Numbers
 from ..labels import Ids
 from ..model import Model
@@ -33,6 +33,25 @@ class EachVehicle(Array):
         return super().coerce(name, given, sizes)
 
 
+class Crew(Array):
+    """Start of each UAV, shape (m, 2) or (m, 3), or their number m, stored as shape (m, 0)."""
+
+    def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
+        if np.ndim(value) == 0:
+            value = np.zeros((Whole(1, 10_000).coerce(name, value, {}), 0))
+        starts = super().coerce(name, value, sizes)
+        if not len(starts) or starts.shape[1] not in (0, 2, 3):
+            raise InvalidData(
+                f"{name} must be a number of UAVs, or x, y and possibly a heading per UAV, got "
+                f"{show(value)}",
+                field=name,
+            )
+        return starts
+
+    def encode(self, value: NDArray[Any]) -> Any:
+        return super().encode(value) if value.shape[1] else len(value)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class TourData(Model[TourPlan]):
     """Data fields of :class:`~crosstrack.models.messenger.model.MessengerTour`, which documents them."""
@@ -51,6 +70,9 @@ class TourData(Model[TourPlan]):
     home_velocity: FloatsOrNone = declared(
         Optional(Array((2,), unit="m/s")), default=None, added=True
     )
+    uavs: Field[int | Numbers | None, Floats | None] = declared(
+        Optional(Crew(("uavs", "columns"))), default=None, added=True
+    )
 
     def check(self) -> None:
         """Fill in the velocities and validate vehicles and start."""
@@ -67,6 +89,7 @@ class TourData(Model[TourPlan]):
                 value is not None and not value.any()
             ):  # calm air and a home at rest are the defaults
                 object.__setattr__(self, name, None)
+        self._check_crew()
         fast = np.hypot(*self.drifts.T)
         relative = "" if self.wind is None else " relative to the air"
         if not (fast < self.speed).all():
@@ -90,6 +113,25 @@ class TourData(Model[TourPlan]):
                 f"start must be x, y and possibly a heading, got {self.start.size} numbers",
                 field="start",
             )
+
+    def _check_crew(self) -> None:
+        """Fill in the start of the first UAV, and reduce one UAV to the default."""
+        if self.uavs is None:
+            return
+        default = type(self).__dataclass_fields__["start"].default
+        own = self.uavs.shape[1] > 0
+        first = Array(("k",)).coerce("start", self.uavs[0], {}) if own else self.start
+        if first is None or (
+            own and not any(np.array_equal(self.start, item) for item in (first, default))
+        ):
+            raise InvalidData(
+                "start must be given for several UAVs, or omitted if uavs has the start of each; got "
+                f"{show(self.start)}",
+                field="start",
+            )
+        object.__setattr__(self, "start", first)
+        if len(self.uavs) == 1:
+            object.__setattr__(self, "uavs", None)
 
     def _check_home(self, relative: str) -> None:
         """Validate the home, to which a closed tour returns."""
@@ -149,6 +191,23 @@ class TourData(Model[TourPlan]):
     def drift(self) -> Floats:
         """Displacement by the wind per metre flown through the air, shape (2,)."""
         return np.zeros(2) if self.wind is None else self.wind / self.speed
+
+    @property
+    def starts(self) -> list[Floats]:
+        """Start of each UAV; empty if the start of the only one is free."""
+        if self.uavs is not None and self.uavs.shape[1]:
+            return list(self.uavs)
+        count = 1 if self.uavs is None else len(self.uavs)
+        return [] if self.start is None else [self.start] * count
+
+    def share(self, uav: int, vehicles: Sequence[int]) -> Self:
+        """Return the task of one UAV with some of the vehicles."""
+        rows = list(vehicles)
+        ids = [self.label(k) for k in rows] if len(set(rows)) == len(rows) else None
+        return replace(
+            self, positions=self.positions[rows], velocities=self.velocities[rows],
+            radius=self.radius[rows], start=self.starts[uav], uavs=None, ids=ids,
+        )  # fmt: skip
 
     def relative_to_air(self) -> Self:
         """Return the same task in the frame that moves with the air, which is an exact change of frame."""

@@ -11,8 +11,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..fields import required
 from ..verification import TOLERANCE, Verification
 from .checks import verify_tour
+from .crew import verify_crew
 from .data import TourData
 from .plan import TourPlan
 
@@ -62,6 +64,9 @@ class MessengerTour(TourData):
     home_velocity : ndarray, shape (2,), optional
         Velocity of the home over the ground in metres per second, for example that of a carrier. The
         path of a closed tour ends at the home, with its initial heading.
+    uavs : int or ndarray, shape (m, 2) or (m, 3), optional
+        Number of UAVs that begin at `start`, or the start of each one. Each vehicle is met by one
+        UAV, a UAV may stay at its start, and the objective is v T for the latest finish T.
 
     Raises
     ------
@@ -108,12 +113,14 @@ class MessengerTour(TourData):
         Verification
             Objective (m) and checks.
         """
+        if self.uavs is not None:
+            return verify_crew(self, required("plan", plan, TourPlan), tolerance)
         return verify_tour(self, plan, tolerance)
 
     @property
     def preferred_backend(self) -> str:
         """The search that proves a bound. Solvers of programs, all local, are not even loaded."""
-        return "tour-search"
+        return "tour-search" if self.uavs is None else "crew-search"
 
     def describe(self) -> str:
         """Return a short description of the size."""
@@ -123,6 +130,7 @@ class MessengerTour(TourData):
         for name, value in (("wind", self.wind), ("home at", self.home_velocity)):
             kind += "" if value is None else f", {name} {np.hypot(*value):.4g} m/s"
         rest = ", at rest" if self.at_rest else ""
+        kind += "" if self.uavs is None else f", {len(self.starts)} UAVs"
         return (
             f"{self.size} vehicle{'s' * (self.size > 1)}{rest}, radius {radius} m, "
             f"turning radius {self.turning_radius:g} m{kind}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..declaration import Plan
-from ..fields import Array, NumberTuple, Real, Spec, Whole, declared, show
+from ..fields import Array, NumberTuple, Optional, Real, Spec, Whole, declared, show
+from ..inputs import FloatsOrNone
 from ..records import Several
 
 __all__ = ["Primitive", "TourPlan"]
@@ -91,6 +92,12 @@ class TourPlan(Plan):
         Start of the path: x and y, in metres, heading in radians.
     primitives : tuple of Primitive
         The path.
+    shares : tuple of int
+        With several UAVs, the number of vehicles that each meets: `order` lists those of the first
+        UAV, then those of the second. A UAV with k vehicles has k + 1 leg numbers, the last for the
+        way back. Empty for one UAV.
+    starts : ndarray, shape (m, 3), optional
+        With several UAVs, the start of each.
 
     Raises
     ------
@@ -103,12 +110,64 @@ class TourPlan(Plan):
     points: Floats = declared(Array(("vehicles", 2)))
     start: Floats = declared(Array((3,)))
     primitives: tuple[Primitive, ...] = declared(Several(_Piece()))
+    shares: tuple[int, ...] = declared(NumberTuple(("uavs",), int, 0), default=(), added=True)
+    starts: FloatsOrNone = declared(Optional(Array(("uavs", 3))), default=None, added=True)
+
+    def check(self) -> None:
+        """Validate the shares of several UAVs."""
+        if (len(self.shares) > 0) != (self.starts is not None):
+            raise InvalidData("shares and starts must be given together", field="starts")
+        if self.shares and sum(self.shares) != len(self.order):
+            raise InvalidData(
+                f"shares must sum to {len(self.order)}, the number of encounters, got "
+                f"{show(self.shares)}",
+                field="shares",
+            )
 
     @property
     def length(self) -> float:
-        """Length of the path, in m."""
+        """Length of the path, in m; with several UAVs, of the longest one."""
         # Overflow yields inf, which the verification reports as a violation.
+        if self.shares:
+            return max(part.length for part in self.parts())
         return float(sum(primitive.length for primitive in self.primitives))
+
+    def parts(self) -> tuple[TourPlan, ...]:
+        """Return the tour of each UAV, with its own leg numbers; `order` keeps the vehicles' indices."""
+        if not self.shares or self.starts is None:
+            return (self,)
+        parts, row, leg = [], 0, 0
+        for count, start in zip(self.shares, self.starts, strict=True):
+            mine, after = slice(row, row + count), leg + count + 1
+            pieces = tuple(
+                piece._replace(leg=piece.leg - leg)
+                for piece in self.primitives
+                if leg <= piece.leg < after
+            )
+            parts.append(
+                TourPlan(self.order[mine], self.times[mine], self.points[mine], start, pieces)
+            )
+            row, leg = row + count, after
+        return tuple(parts)
+
+    @classmethod
+    def join(cls, parts: Sequence[TourPlan]) -> TourPlan:
+        """Return the plan of several UAVs with these tours; see :meth:`parts`."""
+        legs = np.cumsum([0, *(len(part.order) + 1 for part in parts)]).tolist()
+        pieces = [
+            piece._replace(leg=piece.leg + leg)
+            for part, leg in zip(parts, legs, strict=False)
+            for piece in part.primitives
+        ]
+        return cls(
+            tuple(k for part in parts for k in part.order),
+            np.concatenate([part.times for part in parts]),
+            np.concatenate([part.points for part in parts]),
+            parts[0].start,
+            tuple(pieces),
+            tuple(len(part.order) for part in parts),
+            np.array([part.start for part in parts]),
+        )
 
     def leg(self, number: int) -> tuple[Primitive, ...]:
         """Return the primitives of leg `number`."""

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..fields import required
 from ..plots import kit
 from ..plots.progress import draw_progress
-from ..verification import Check, Verification
-from .checks import UNDECIDABLE, integrated
+from ..verification import Check
 from .model import MessengerTour
 from .plan import TourPlan
 from .plot_fields import draw_fields, field_keys
-from .sampling import Track, outline, track
+from .plot_film import animate_tour
+from .plot_places import Drawn
+from .sampling import Track, track
 
 __all__ = ["animate_tour", "draw", "draw_progress"]
 
@@ -69,17 +69,19 @@ def draw(
     kit.check_choice("colour", colour, "time", "leg")
     kit.check_flags(optional=True, labels=labels, zoom=zoom)
     result, tour = kit.verified_plan(model, plan, TourPlan, tolerance), None
+    tours: list[Drawn] = []
     parts = [model.describe()]
     if plan is not None and result is not None:
-        tour = _Drawn(model, plan, result)
+        tours = [Drawn(model, part, result, uav) for uav, part in enumerate(plan.parts())]
+        tour = tours[0]
         if result.objective is not None:
             parts = [kit.many(model.size, "vehicle"), f"{kit.number(result.objective)} m"]
             parts.append(f"{kit.number(result.objective / model.speed, 5)} s")
     reach = model.radius[:, None]
     start = np.empty((0, 2)) if model.start is None else model.start[None, :2]
     places = np.concatenate([model.positions - reach, model.positions + reach, start])
-    maps = [places if tour is None else tour.everything]
-    if tour is not None and zoom is not False and model.size > 1:
+    maps = [np.concatenate([drawn.everything for drawn in tours]) if tours else places]
+    if tour is not None and len(tours) == 1 and zoom is not False and model.size > 1:
         near = tour.first_half
         if zoom or np.ptp(near, axis=0).max() < _CROWDED * np.ptp(maps[0], axis=0).max():
             maps.append(near)
@@ -98,14 +100,17 @@ def draw(
         if tour is None:
             _draw_vehicles(model, axes, scale, labels=labels)
             continue
-        lines = _draw_tour(tour, axes, scale, colour)
         if place == 0:
-            kit.pin_places(axes, result, tour.place_of, scale)
-        # Encounters that the second map shows are numbered there.
-        inside = _within(tour.plan.points, *box)
-        if place == 0 and several:
-            inside &= ~_within(tour.plan.points, *boxes[1])
-        _write(tour, axes, scale, labels, inside, _within(model.positions, *box))
+            kit.pin_places(axes, result, lambda check: _place_of(tours, check), scale)
+        latest = max(float(drawn.path.flown[-1]) for drawn in tours)
+        for drawn in tours:
+            lines = _draw_tour(drawn, axes, scale, colour, latest)
+            # Encounters that the second map shows are numbered there.
+            inside = _within(drawn.plan.points, *box)
+            if place == 0 and several:
+                inside &= ~_within(drawn.plan.points, *boxes[1])
+            seen = _within(model.positions, *box) & (drawn is tour)
+            _write(drawn, axes, scale, labels, inside, seen)
         if place == 0 and scaled:
             beside = scene.axes(scene.broad - 0.82, foot, 0.68, head)
             kit.color_bar(scene.figure, lines, beside, "time (s)")
@@ -115,67 +120,13 @@ def draw(
     return scene.figure
 
 
-# -- the data ------------------------------------------------------------------------------------
+# -- the maps ------------------------------------------------------------------------------------
 
 
-class _Drawn:
-    """Places to draw for a plan, in m."""
-
-    def __init__(self, model: MessengerTour, plan: TourPlan, result: Verification) -> None:
-        self.model, self.plan, self.result = model, plan, result
-        self.path = outline(plan, model.turning_radius, model.drift)
-        self.met = np.array(plan.order, int)
-        self.meetings = model.positions[self.met] + model.velocities[self.met] * plan.times[:, None]
-        self.places = _places(self)
-        violations = [
-            place for item in result.violated if (place := self.place_of(item)) is not None
-        ]
-        self.broken = _finite(np.array(violations)) if violations else np.empty((0, 2))
-
-    def place_of(self, check: Check) -> kit.Floats | None:
-        """Return the place that a check names, None without one."""
-        return self.places.get(check.where.removesuffix(f": {UNDECIDABLE}"))
-
-    @property
-    def everything(self) -> kit.Floats:
-        """Places that the map must include: path, tracks and discs."""
-        reach = self.model.radius[self.met][:, None]
-        parts = [
-            self.path.poses[:, :2], self.model.positions, self.plan.points, self.meetings - reach,
-            self.meetings + reach,
-        ]  # fmt: skip
-        return _finite(np.concatenate(parts))
-
-    @property
-    def first_half(self) -> kit.Floats:
-        """Places that a map of the first half of the encounters must include."""
-        count = max(1, len(self.met) // 2)
-        until = float(self.plan.times[:count].max()) if len(self.met) else 0.0
-        flown = self.path.flown <= until * self.model.speed
-        reach = self.model.radius[self.met[:count]][:, None]
-        first = self.meetings[:count]
-        return _finite(np.concatenate([self.path.poses[flown, :2], first - reach, first + reach]))
-
-
-def _finite(places: kit.Floats) -> kit.Floats:
-    """Return the places within the range that can be drawn."""
-    visible: kit.Floats = places[(np.abs(places) < kit.FAR).all(axis=1)]
-    return visible if len(visible) else np.zeros((1, 2))
-
-
-def _places(tour: _Drawn) -> dict[str, kit.Floats]:
-    """Return the places on the map by their text in a check."""
-    model, plan = tour.model, tour.plan
-    poses = integrated(plan, model.turning_radius)
-    flown = np.cumsum([0.0, *(primitive.length for primitive in plan.primitives)])
-    poses[:, :2] += flown[:, None] * model.drift
-    places = {"start": poses[0, :2], "end": poses[-1, :2]}
-    places |= {f"primitive {k}": pose[:2] for k, pose in enumerate(poses[:-1])}
-    for k in range(model.size):
-        rows = np.flatnonzero(tour.met == k)
-        place = plan.points[rows[0]] if rows.size else model.positions[k]
-        places[f"vehicle {model.label(k)}"] = place
-    return places
+def _place_of(tours: list[Drawn], check: Check) -> kit.Floats | None:
+    """Return the place that a check of the plan names, or None."""
+    places = (tour.place_of(check) for tour in tours)
+    return next((place for place in places if place is not None), None)
 
 
 def _within(places: kit.Floats, least: kit.Floats, most: kit.Floats) -> NDArray[np.bool_]:
@@ -194,15 +145,12 @@ def _together(points: kit.Floats, extent: float) -> list[tuple[int, int]]:
     return runs
 
 
-# -- the maps ------------------------------------------------------------------------------------
-
-
-def _draw_tour(tour: _Drawn, axes: Any, scale: float, colour: str) -> Any:
+def _draw_tour(tour: Drawn, axes: Any, scale: float, colour: str, latest: float) -> Any:
     """Draw vehicles, path and encounters; return the lines of the path."""
     model, plan = tour.model, tour.plan
     _draw_discs(axes, tour.meetings * scale, model.radius[tour.met] * scale)
     _draw_tracks(tour, axes, scale)
-    lines = _draw_path(tour.path, axes, scale, colour, model.speed)
+    lines = _draw_path(tour.path, axes, scale, colour, model.speed, latest)
     _draw_arrows(tour, axes, scale)
     points = plan.points * scale
     size = 24 if len(points) <= _MOST_NUMBERS else 12
@@ -213,7 +161,9 @@ def _draw_tour(tour: _Drawn, axes: Any, scale: float, colour: str) -> Any:
     return lines
 
 
-def _draw_path(path: Track, axes: Any, scale: float, colour: str, speed: float) -> Any:
+def _draw_path(
+    path: Track, axes: Any, scale: float, colour: str, speed: float, latest: float
+) -> Any:
     timed = colour == "time"
     times = 0.5 * (path.flown[:-1] + path.flown[1:]) / speed
     lines = kit.draw_shaded_line(
@@ -221,13 +171,13 @@ def _draw_path(path: Track, axes: Any, scale: float, colour: str, speed: float) 
         gid="path",
     )  # fmt: skip
     if timed:
-        lines.set_clim(0.0, float(np.clip(path.flown[-1], 0.0, kit.FAR)) / speed or 1.0)
+        lines.set_clim(0.0, float(np.clip(latest, 0.0, kit.FAR)) / speed or 1.0)
     else:
         lines.set_color([kit.colour_of(_LEGS[leg % len(_LEGS)]) for leg in path.legs[1:]])
     return lines
 
 
-def _draw_tracks(tour: _Drawn, axes: Any, scale: float) -> None:
+def _draw_tracks(tour: Drawn, axes: Any, scale: float) -> None:
     """Draw the tracks of the vehicles up to their encounters, each with an arrow."""
     begins, ends = tour.model.positions[tour.met] * scale, tour.meetings * scale
     rest = np.setdiff1d(np.arange(tour.model.size), tour.met)
@@ -249,7 +199,7 @@ def _draw_discs(axes: Any, middles: kit.Floats, radius: kit.Floats) -> None:
     kit.draw_circles(axes, middles, radius, gid="disc", **look)
 
 
-def _draw_arrows(tour: _Drawn, axes: Any, scale: float) -> None:
+def _draw_arrows(tour: Drawn, axes: Any, scale: float) -> None:
     """Draw an arrow in the middle of each leg that is long enough."""
     pieces = tour.plan.primitives
     legs = np.unique([primitive.leg for primitive in pieces], return_inverse=True)[1]
@@ -295,7 +245,7 @@ def _draw_vehicles(model: MessengerTour, axes: Any, scale: float, *, labels: boo
 
 
 def _write(
-    tour: _Drawn, axes: Any, scale: float, labels: bool | None, inside: NDArray[np.bool_],
+    tour: Drawn, axes: Any, scale: float, labels: bool | None, inside: NDArray[np.bool_],
     seen: NDArray[np.bool_],
 ) -> None:  # fmt: skip
     """Number the encounters `inside` in their order, and name the vehicles in the mask `seen`."""
@@ -323,7 +273,7 @@ def _write(
         kit.write_names(axes, places, names, size=7, colour=NAME, route=False)
 
 
-def _keys(model: MessengerTour, tour: _Drawn | None) -> list[Any]:
+def _keys(model: MessengerTour, tour: Drawn | None) -> list[Any]:
     begin = kit.key("vehicle (name) at time 0", marker="s", mfc="white", mec=VEHICLE, ms=4.5)
     keys = [begin]
     if model.start is not None or tour is not None:
@@ -340,57 +290,3 @@ def _keys(model: MessengerTour, tour: _Drawn | None) -> list[Any]:
     if len(tour.broken):
         keys.append(kit.key("worst violation", **kit.RING))
     return keys
-
-
-# -- in motion -------------------------------------------------------------------------------------
-
-_PATH, _WAITING, _MET = map(kit.colour_of, range(3))
-
-
-@kit.documented
-def animate_tour(
-    model: MessengerTour,
-    plan: TourPlan | Any,
-    *,
-    frames: int = 120,
-    interval: float = 60.0,
-    title: str | None = None,
-    size: tuple[float, float] | None = None,
-) -> kit.FuncAnimation:
-    """Return an animation of the tour: the UAV, its path so far, and the vehicles with their discs."""
-    stage = kit.Stage(model, title, size, frames, interval)
-    plan = required("plan", model.as_plan(plan), TourPlan)
-    tour = _Drawn(model, plan, model.verify(plan))  # rejects an unknown vehicle
-    path, end = tour.path, plan.length / model.speed
-    times = np.linspace(0.0, end, frames)
-    flown = track(plan, model.turning_radius, times * model.speed, model.drift).poses
-    met_at = np.full(model.size, np.inf)
-    met_at[tour.met] = plan.times
-    # Vehicles may leave the map after their encounter.
-    axes, scale = stage.map(tour.everything.min(axis=0), tour.everything.max(axis=0))
-    axes.plot(*(path.poses[:, :2] * scale).T, lw=0.7, ls=":", color=kit.GREY, zorder=2)
-    (way,) = axes.plot([], [], lw=1.8, color=_PATH, zorder=4, gid="path")
-    (craft,) = axes.plot([], [], ls="", ms=11, mfc="white", mec=kit.BLACK, mew=1.4, zorder=8)
-    vehicles = kit.dots(axes, model.positions * scale, "s", _WAITING, size=16, zorder=6)
-    discs = kit.draw_circles(axes, np.empty((0, 2)), [], lw=0.7, alpha=0.28, zorder=3, gid="disc")
-    words = {"to be met": _WAITING, "met": _MET}
-    keys = [kit.key(word, marker="s", color=look, ms=4.5) for word, look in words.items()]
-    stage.legend_above(axes, keys)
-
-    def show(frame: int) -> str:
-        time, (x, y, heading) = times[frame], flown[frame].tolist()
-        # The tolerance covers the rounding of the encounter's time.
-        colours = [_MET if when <= time + 1e-9 * end else _WAITING for when in met_at]
-        places = (model.positions + model.velocities * time) * scale
-        vehicles.set_offsets(places)
-        discs.set_paths(kit.circles(places, model.radius * scale))
-        for artist in (vehicles, discs):
-            artist.set_facecolor(colours)
-        discs.set_edgecolor(colours)
-        done = path.poses[path.flown <= time * model.speed, :2]
-        way.set_data(*(np.concatenate([done, [[x, y]]]) * scale).T)
-        craft.set_data([x * scale], [y * scale])
-        craft.set_marker(kit.heading_marker(heading))
-        return f"t = {time:.2f} s of {end:.2f} s, {colours.count(_MET)} of {model.size} met"
-
-    return stage.play(show)

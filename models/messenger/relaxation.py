@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...errors import InvalidData
+from ...errors import InvalidData, UnsupportedFormulation
 from ..programs.builder import ProgramBuilder
 from ..programs.cones import ConeKind
 
@@ -105,6 +105,8 @@ def euclidean_relaxation(model: MessengerTour, order: Sequence[int]) -> ConicPro
     ------
     InvalidData
         `order` is empty, contains an unknown vehicle, or repeats one.
+    UnsupportedFormulation
+        The model has several UAVs.
     """
     met = [int(index) for index in order]
     if not met or len(set(met)) < len(met) or not all(0 <= index < model.size for index in met):
@@ -113,6 +115,8 @@ def euclidean_relaxation(model: MessengerTour, order: Sequence[int]) -> ConicPro
             f"got {list(order)}",
             field="order",
         )
+    if model.uavs is not None:
+        raise UnsupportedFormulation("the relaxation of an order does not cover the field uavs")
     field = Field.of(model)
     stops = field.chain(met)
     legs, count = len(stops) - 1, len(met)

@@ -2,6 +2,7 @@
 
 BACKENDS = {
     "tour-search": ".search:TourSearch",
+    "crew-search": ".crew_search:CrewSearch",
     "memetic": ".memetic:Memetic",
     "memetic-untransformed": ".memetic:MemeticUntransformed",
     "memetic-relaxed": ".memetic:MemeticRelaxed",

@@ -10,10 +10,10 @@ __all__ = ["diagnose_tour"]
 
 
 def diagnose_tour(model: MessengerTour, time_limit: float | None = None) -> Diagnosis:
-    """Return a diagnosis, feasible in every case, with the tour that ``tour-search`` finds in time (s)."""
-    answer = solve(model, "tour-search", time_limit=time_limit)
+    """Return a diagnosis, feasible in every case, with the tour found in time (s)."""
+    answer = solve(model, model.preferred_backend, time_limit=time_limit)
     if answer.plan is not None:
-        return Diagnosis(model.name, True, "tour-search", f"a tour exists: {answer.plan}")
+        return Diagnosis(model.name, True, answer.backend, f"a tour exists: {answer.plan}")
     summary = (
         "a tour exists, as every vehicle is slower than the UAV, but none was found: "
         f"{answer.message or answer.termination}"
