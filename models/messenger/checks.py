@@ -13,6 +13,7 @@ from ..fields import required
 from ..verification import NEAR, Check, Verification, check_entries, check_tolerance
 from .data import TourData
 from .plan import SIGNS, TourPlan
+from .zones import depth, size_of
 
 __all__ = ["UNDECIDABLE", "decidable_length", "integrated", "verify_tour"]
 
@@ -114,6 +115,16 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
         worst("encounter at its point", point_error, names, size[met], digits=lost),
         worst("encounter within radius", apart, names, size[met], model.radius[met], digits=lost),
     ]
+    if model.no_fly is not None:
+        inside, bends = np.zeros(len(pieces)), np.array([SIGNS[p.turn] for p in plan.primitives])
+        bends = bends / model.turning_radius if model.turning_radius else 0.0 * bends
+        for row, data in enumerate(zip(poses[:-1].tolist(), bends.tolist(), lengths, strict=True)):
+            (x, y, heading), bend, length = data
+            piece = (complex(x, y), heading, bend, max(float(length), 0.0))
+            if np.isfinite([*piece[:1], *piece[1:]]).all():
+                inside[row] = max(depth(zone, piece) for zone in model.no_fly)
+        scale = min(map(size_of, model.no_fly))
+        checks.append(worst("clear of no-fly zones", np.maximum(inside, 0.0), pieces, scale))
     if model.closed:
         home = model.home_drift * (flown[-1] / model.speed)
         gap = np.array([np.hypot(*(poses[-1, :2] - poses[0, :2] - home))])

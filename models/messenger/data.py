@@ -17,10 +17,15 @@ from ..inputs import Field, FloatArray, FloatsOrNone, Names, Numbers
 from ..labels import Ids
 from ..model import Model
 from .plan import TourPlan
+from .zones import Zones, is_inside
 
 __all__ = ["TourData"]
 
 Floats = NDArray[np.float64]
+
+
+#: Default start of the path: x, y (m) and heading (rad).
+START = (0.0, 0.0, 0.5 * math.pi)
 
 
 class EachVehicle(Array):
@@ -63,7 +68,7 @@ class TourData(Model[TourPlan]):
     radius: FloatArray = declared(EachVehicle(("n",), lower=0, unit="m"), default=5.0)
     speed: float = declared(Real(lower=0, strict=True, unit="m/s"), default=10.0)
     turning_radius: float = declared(Real(lower=0, unit="m"), default=5.0)
-    start: FloatsOrNone = declared(Optional(Array(("k",))), default=(0.0, 0.0, 0.5 * math.pi))
+    start: FloatsOrNone = declared(Optional(Array(("k",))), default=START)
     closed: bool = declared(Flag(), default=False)
     ids: Names = declared(Optional(Ids()), default=None)
     wind: FloatsOrNone = declared(Optional(Array((2,), unit="m/s")), default=None, added=True)
@@ -72,6 +77,9 @@ class TourData(Model[TourPlan]):
     )
     uavs: Field[int | Numbers | None, Floats | None] = declared(
         Optional(Crew(("uavs", "columns"))), default=None, added=True
+    )
+    no_fly: Field[Any, tuple[Floats, ...] | None] = declared(
+        Optional(Zones()), default=None, added=True
     )
 
     def check(self) -> None:
@@ -90,6 +98,7 @@ class TourData(Model[TourPlan]):
             ):  # calm air and a home at rest are the defaults
                 object.__setattr__(self, name, None)
         self._check_crew()
+        self._check_zones()
         fast = np.hypot(*self.drifts.T)
         relative = "" if self.wind is None else " relative to the air"
         if not (fast < self.speed).all():
@@ -118,12 +127,10 @@ class TourData(Model[TourPlan]):
         """Fill in the start of the first UAV, and reduce one UAV to the default."""
         if self.uavs is None:
             return
-        default = type(self).__dataclass_fields__["start"].default
+        given = () if self.start is None else tuple(self.start.tolist())
         own = self.uavs.shape[1] > 0
         first = Array(("k",)).coerce("start", self.uavs[0], {}) if own else self.start
-        if first is None or (
-            own and not any(np.array_equal(self.start, item) for item in (first, default))
-        ):
+        if first is None or (own and given not in (START, tuple(first.tolist()))):
             raise InvalidData(
                 "start must be given for several UAVs, or omitted if uavs has the start of each; got "
                 f"{show(self.start)}",
@@ -132,6 +139,24 @@ class TourData(Model[TourPlan]):
         object.__setattr__(self, "start", first)
         if len(self.uavs) == 1:
             object.__setattr__(self, "uavs", None)
+
+    def _check_zones(self) -> None:
+        """Validate the no-fly zones, which are at rest in calm air and do not contain a start."""
+        if not self.no_fly:
+            object.__setattr__(self, "no_fly", None)
+        elif self.wind is not None or self.home_velocity is not None:
+            raise InvalidData(
+                "no_fly must be None with wind or home_velocity: zones that move relative to the air are "
+                f"not supported; got {len(self.no_fly)} zones",
+                field="no_fly",
+            )
+        for row, zone in enumerate(self.no_fly or ()):
+            for start in self.starts:
+                if is_inside(zone, complex(*start[:2])):
+                    raise InvalidData(
+                        f"no_fly[{row}] must not contain the start {show(start[:2].tolist())}",
+                        field="no_fly",
+                    )
 
     def _check_home(self, relative: str) -> None:
         """Validate the home, to which a closed tour returns."""

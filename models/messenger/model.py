@@ -67,6 +67,9 @@ class MessengerTour(TourData):
     uavs : int or ndarray, shape (m, 2) or (m, 3), optional
         Number of UAVs that begin at `start`, or the start of each one. Each vehicle is met by one
         UAV, a UAV may stay at its start, and the objective is v T for the latest finish T.
+    no_fly : list of ndarray, optional
+        Zones that the path avoids: x, y and radius of a disc in metres, shape (3,), or the corners of a
+        polygon, shape (k, 2). The wind must be calm, the home at rest, and the starts outside.
 
     Raises
     ------
@@ -120,7 +123,9 @@ class MessengerTour(TourData):
     @property
     def preferred_backend(self) -> str:
         """The search that proves a bound. Solvers of programs, all local, are not even loaded."""
-        return "tour-search" if self.uavs is None else "crew-search"
+        if self.uavs is not None:
+            return "crew-search"
+        return "tour-search" if self.no_fly is None else "detour-search"
 
     def describe(self) -> str:
         """Return a short description of the size."""
@@ -130,6 +135,7 @@ class MessengerTour(TourData):
         for name, value in (("wind", self.wind), ("home at", self.home_velocity)):
             kind += "" if value is None else f", {name} {np.hypot(*value):.4g} m/s"
         rest = ", at rest" if self.at_rest else ""
+        kind += "" if self.no_fly is None else f", {len(self.no_fly)} no-fly zones"
         kind += "" if self.uavs is None else f", {len(self.starts)} UAVs"
         return (
             f"{self.size} vehicle{'s' * (self.size > 1)}{rest}, radius {radius} m, "

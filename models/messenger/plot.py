@@ -12,7 +12,7 @@ from ..plots.progress import draw_progress
 from ..verification import Check
 from .model import MessengerTour
 from .plan import TourPlan
-from .plot_fields import draw_fields, field_keys
+from .plot_fields import draw_fields, field_keys, zone_places
 from .plot_film import animate_tour
 from .plot_places import Drawn
 from .sampling import Track, track
@@ -80,7 +80,7 @@ def draw(
     reach = model.radius[:, None]
     start = np.empty((0, 2)) if model.start is None else model.start[None, :2]
     places = np.concatenate([model.positions - reach, model.positions + reach, start])
-    maps = [np.concatenate([drawn.everything for drawn in tours]) if tours else places]
+    maps = [np.concatenate([zone_places(model), *([t.everything for t in tours] or [places])])]
     if tour is not None and len(tours) == 1 and zoom is not False and model.size > 1:
         near = tour.first_half
         if zoom or np.ptp(near, axis=0).max() < _CROWDED * np.ptp(maps[0], axis=0).max():

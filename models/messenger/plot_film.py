@@ -10,7 +10,7 @@ from ..fields import required
 from ..plots import kit
 from .model import MessengerTour
 from .plan import TourPlan
-from .plot_fields import draw_fields
+from .plot_fields import draw_fields, zone_places
 from .plot_places import Drawn
 from .sampling import track
 
@@ -43,7 +43,7 @@ def animate_tour(
     met_at = np.full(model.size, np.inf)
     met_at[np.array(plan.order, int)] = plan.times
     # Vehicles may leave the map after their encounter.
-    everything = np.concatenate([tour.everything for tour in tours])
+    everything = np.concatenate([zone_places(model), *(tour.everything for tour in tours)])
     axes, scale = stage.map(everything.min(axis=0), everything.max(axis=0))
     draw_fields(model, plan, axes, scale)
     ways, crafts = [], []

@@ -3,6 +3,7 @@
 BACKENDS = {
     "tour-search": ".search:TourSearch",
     "crew-search": ".crew_search:CrewSearch",
+    "detour-search": ".detour_search:DetourSearch",
     "memetic": ".memetic:Memetic",
     "memetic-untransformed": ".memetic:MemeticUntransformed",
     "memetic-relaxed": ".memetic:MemeticRelaxed",

@@ -35,6 +35,8 @@ class EuclideanBound(TourBackend):
     single_threaded = True
     requires = ("clarabel",)
     summary = "a proven lower bound: the best tour without the limit on curvature; ours"
+    # Without the zones, the minimum is not greater.
+    carries = TourBackend.carries | {"no_fly"}
     curved: ClassVar[bool] = False
 
     def fly(self, problem: MessengerTour, request: Request) -> Answer:
@@ -62,7 +64,8 @@ class EuclideanBound(TourBackend):
         if best is not None:
             statistics["shortest tour without curvature"] = best.length
         plan, termination, message = None, Termination.NO_SOLUTION, ""
-        if problem.turning_radius == 0 and best is not None and best.length <= cutoff:
+        flies = problem.turning_radius == 0 and problem.no_fly is None
+        if flies and best is not None and best.length <= cutoff:
             plan = straight(problem, best.order, best.points)
             proven = plan.length - bound <= max(request.gap, ROUNDING) * plan.length
             termination = Termination.OPTIMAL if proven else Termination.FEASIBLE

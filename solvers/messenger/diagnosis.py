@@ -14,6 +14,10 @@ def diagnose_tour(model: MessengerTour, time_limit: float | None = None) -> Diag
     answer = solve(model, model.preferred_backend, time_limit=time_limit)
     if answer.plan is not None:
         return Diagnosis(model.name, True, answer.backend, f"a tour exists: {answer.plan}")
+    if model.no_fly is not None:
+        return Diagnosis(
+            model.name, None, answer.backend, answer.message or str(answer.termination)
+        )
     summary = (
         "a tour exists, as every vehicle is slower than the UAV, but none was found: "
         f"{answer.message or answer.termination}"

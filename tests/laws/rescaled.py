@@ -27,7 +27,7 @@ RESCALED: dict[str, dict[str, Any]] = {
     "guided-path-tour": {"coordinates": (1, 0), "": (1, 0)},
     "messenger-tour": {
         "positions": (1, 0), "velocities": (1, -1), "radius": (1, 0), "turning_radius": (1, 0),
-        "speed": (1, -1), "start": [(1, 0), (1, 0), (0, 0)], "wind": (1, -1), "home_velocity": (1, -1),
+        "speed": (1, -1), "start": [(1, 0), (1, 0), (0, 0)], "wind": (1, -1), "home_velocity": (1, -1), "no_fly": (1, 0),
         "": (1, 0),
     },
     "minimum-derivative": {

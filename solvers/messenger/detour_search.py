@@ -1,0 +1,257 @@
+"""``detour-search``: tours around no-fly zones, by shortest legs over poses beside the zones."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from ...jit import clock
+from ...models.messenger.dubins import WORDS, advance, word_lengths
+from ...models.messenger.model import MessengerTour
+from ...models.messenger.plan import TourPlan
+from ...models.messenger.zones import clear
+from ..contract.backend import Answer, Feature, Guarantee, Limit, Option, Request, Termination
+from .emission import cut
+from .extensions import TourBackend
+from .last_leg import Disc, shortest_to_disc
+from .search import TourSearch
+
+__all__ = ["DetourSearch"]
+
+Pose = tuple[float, float, float]
+#: Signs and lengths (m) of primitives.
+Path = tuple[tuple[int, float], ...]
+
+#: Number of poses beside a disc, per direction.
+AROUND = 10
+#: Margin of the radius of a vehicle, as a share, and number of poses tried as the start of its leg.
+MARGIN, TRIES = 1e-9, 8
+#: Share of the time for the tour without zones and its bound.
+SHARE = 0.3
+
+
+class DetourSearch(TourBackend):
+    """Beam search over orders, with legs that avoid the zones; ours.
+
+    The tour without zones is tried first, and its bound remains valid. Each leg is the shortest path to the
+    next vehicle's disc if it is clear of the zones. Otherwise it leads over poses beside the zones, joined by
+    the shortest clear Dubins words (Dijkstra). The poses are drawn again in each round.
+    """
+
+    name = "detour-search"
+    guarantee = Guarantee.RELAXATION
+    features = frozenset(
+        {Feature.SEED, Feature.INCUMBENTS, Feature.INTERRUPT, Feature.DUAL_BOUND, Feature.GAP}
+    )
+    single_threaded = True
+    requires = ("clarabel",)
+    carries = frozenset({"no_fly"})
+    options: ClassVar[Mapping[str, Option]] = {
+        "rounds": Option(4, "Number of rounds with other poses beside the zones.", int, lower=1),
+        "width": Option(4, "Number of partial tours of a beam.", int, lower=1),
+    }
+    summary = (
+        "tours around no-fly zones: beam over orders, detours, and the bound without zones; ours"
+    )
+
+    def refuses(self, problem: MessengerTour) -> str:
+        """Return the reason why the backend does not cover `problem`, or an empty string."""
+        if problem.no_fly is None:
+            return "models without no-fly zones: use tour-search"
+        if problem.turning_radius == 0 or problem.heading is None:
+            return "a turning radius of 0 or a start without a heading"
+        return super().refuses(problem)
+
+    def fly(self, problem: MessengerTour, request: Request) -> Answer:
+        """Search for the given number of rounds, or until a limit is reached or the gap is closed."""
+        begin, left = clock(), request.left()
+        best: TourPlan | None = None
+
+        def offer(plan: TourPlan | None) -> None:
+            nonlocal best
+            if plan is None or (best is not None and plan.length >= best.length):
+                return
+            if problem.verify(plan, tolerance=request.tolerance).ok:
+                best = plan
+                request.control.incumbent(plan.length, plan)
+
+        free = request.within(
+            TourSearch(), replace(problem, no_fly=None), options={"patience": 4},
+            time_limit=None if left is None else SHARE * left,
+        )  # fmt: skip
+        offer(free.point)
+        bound = free.dual_bound or 0.0
+        request.control.prove(bound)
+        draw = np.random.default_rng(request.seed or 0)
+        rounds, limit, optimal = 0, None, False
+        while rounds < request.options["rounds"] and limit is None and not optimal:
+            offer(_Round(problem, request, draw).plan())
+            rounds += 1
+            optimal = best is not None and best.length - bound <= request.gap * best.length
+            if request.control.stopped:
+                limit = request.control.reason or Limit.INTERRUPTED
+            elif request.left() == 0.0:
+                limit = Limit.TIME
+        if best is None:
+            message = "no tour clear of the zones was found, which does not prove that none exists"
+            return Answer(Termination.NO_SOLUTION, limit, dual_bound=bound, message=message)
+        return Answer(
+            Termination.OPTIMAL if optimal else Termination.FEASIBLE, None if optimal else limit, best,
+            best.length, bound, seconds={"solve": clock() - begin}, statistics={"rounds": rounds},
+        )  # fmt: skip
+
+
+class _State(NamedTuple):
+    """Partial tour: length flown (m), pose, encounters by vehicle (length flown), and primitives."""
+
+    flown: float
+    pose: Pose
+    stops: dict[int, float]
+    path: Path
+
+
+@dataclass
+class _Round:
+    """One beam search with its own poses beside the zones."""
+
+    problem: MessengerTour
+    request: Request
+    draw: np.random.Generator
+    edges: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.speed, self.r = self.problem.speed, self.problem.turning_radius
+        self.poses = [pose for zone in self.problem.no_fly or () for pose in self.beside(zone)]
+
+    def beside(self, zone: Any) -> Iterator[Pose]:
+        """Yield poses that lead around a zone in both directions."""
+        if zone.ndim == 1:
+            out = zone[2] / math.cos(math.pi / AROUND) * (1 + 0.2 * self.draw.random())
+            turns = 2 * math.pi * (np.arange(AROUND) + self.draw.random()) / AROUND
+            places = complex(*zone[:2]) + out * np.exp(1j * turns)
+        else:
+            corners = zone @ [1, 1j]
+            before, after = corners - np.roll(corners, 1), np.roll(corners, -1) - corners
+            turns = np.angle(before / np.abs(before) - after / np.abs(after))
+            # A reflex corner points inwards; its pose is then unused, because paths are checked.
+            places = corners + self.r * self.draw.uniform(0.05, 1.5) * np.exp(1j * turns)
+        for place, turn in zip(places.tolist(), turns.tolist(), strict=True):
+            for side in (0.5, -0.5):
+                yield place.real, place.imag, turn + side * math.pi
+
+    def join(self, a: Pose, b: Pose) -> Path | None:
+        """Return the shortest clear Dubins path between two poses, or None."""
+        if (a, b) not in self.edges:
+            words = [(word_lengths(*a, *b, self.r, word), word) for word in range(6)]
+            paths = (
+                tuple(zip(WORDS[word].tolist(), parts, strict=True))
+                for parts, word in sorted(words, key=lambda item: sum(item[0]))
+                if sum(parts) < math.inf
+            )
+            self.edges[a, b] = next((path for path in paths if self.is_clear(a, path)), None)
+        return self.edges[a, b]
+
+    def is_clear(self, pose: Pose, path: Path) -> bool:
+        """Return whether a path avoids all zones."""
+        for sign, length in path:
+            piece = (complex(pose[0], pose[1]), pose[2], sign / self.r, length)
+            if not all(clear(zone, piece) for zone in self.problem.no_fly or ()):
+                return False
+            pose = advance(*pose, length, sign, self.r)
+        return True
+
+    def reach(self, pose: Pose) -> list[tuple[float, Pose, Path]]:
+        """Return the poses beside the zones by the length (m) of the shortest clear path to each."""
+        done: dict[Pose, tuple[float, Path]] = {}
+        heap: list[tuple[float, Pose, Path]] = [(0.0, pose, ())]
+        while heap and not self.request.control.stopped:
+            length, place, path = heapq.heappop(heap)
+            if place in done:
+                continue
+            done[place] = length, path
+            for to in self.poses:
+                if to not in done and (more := self.join(place, to)) is not None:
+                    heapq.heappush(heap, (length + sum(s for _, s in more), to, path + more))
+        return [(length, place, path) for place, (length, path) in done.items()]
+
+    def meet(
+        self, state: _State, vehicle: int, places: list[tuple[float, Pose, Path]]
+    ) -> _State | None:
+        """Return the partial tour with one more vehicle, over the best of the poses, or None."""
+        problem, best = self.problem, math.inf
+        result, tries = None, 0
+
+        def least(item: tuple[float, Pose, Path]) -> float:
+            x, y = problem.where(vehicle, (state.flown + item[0]) / self.speed) - item[1][:2]
+            fast = float(np.hypot(*problem.velocities[vehicle])) / self.speed
+            return item[0] + max(math.hypot(x, y) - float(problem.radius[vehicle]), 0.0) / (
+                1 + fast
+            )
+
+        for low, (length, pose, path) in sorted(
+            ((least(item), item) for item in places), key=lambda p: p[0]
+        ):
+            if low >= best or tries == TRIES:
+                break
+            disc = Disc.at(problem, vehicle, (state.flown + length) / self.speed, MARGIN)
+            far = math.hypot(disc.x - pose[0], disc.y - pose[1])
+            most = (far + 12 * math.pi * self.r) / (1 - math.hypot(disc.vx, disc.vy) / self.speed)
+            leg = shortest_to_disc(pose, disc, self.speed, self.r, min(most, best - length))
+            if leg is None or not self.is_clear(pose, tuple(leg)):
+                continue
+            tries += 1
+            best = length + sum(part for _, part in leg)
+            for sign, part in leg:
+                pose = advance(*pose, part, sign, self.r)
+            flown = state.flown + best
+            result = _State(
+                flown, pose, {**state.stops, vehicle: flown}, state.path + path + tuple(leg)
+            )
+        return result
+
+    def extend(self, state: _State) -> Iterator[_State]:
+        """Yield the partial tours with one more vehicle: directly, otherwise around the zones."""
+        around: list[tuple[float, Pose, Path]] = []
+        for vehicle in range(self.problem.size):
+            if vehicle in state.stops or self.request.control.stopped:
+                continue
+            new = self.meet(state, vehicle, [(0.0, state.pose, ())])
+            if new is None:
+                around = around or self.reach(state.pose)
+                new = self.meet(state, vehicle, around)
+            if new is not None:
+                yield new
+
+    def plan(self) -> TourPlan | None:
+        """Return the tour of the beam search, or None."""
+        problem = self.problem
+        assert problem.start is not None
+        start: Pose = (float(problem.start[0]), float(problem.start[1]), float(problem.start[2]))
+        beam = [_State(0.0, start, {}, ())]
+        for _ in range(problem.size):
+            new = sorted(
+                (item for state in beam for item in self.extend(state)), key=lambda s: s.flown
+            )
+            # One partial tour per set of vehicles and last one.
+            kept = {(frozenset(item.stops), [*item.stops][-1]): item for item in reversed(new)}
+            beam = sorted(kept.values(), key=lambda s: s.flown)[: self.request.options["width"]]
+        best: tuple[float, _State] | None = None
+        for state in beam:
+            if problem.closed:
+                self.poses.append(start)
+                back = [item for item in self.reach(state.pose) if item[1] == start and item[2]]
+                self.poses.pop()
+                if not back:
+                    continue
+                state = state._replace(flown=state.flown + back[0][0], path=state.path + back[0][2])
+            if best is None or state.flown < best[0]:
+                best = state.flown, state
+        if best is None or self.request.control.stopped:
+            return None
+        path = [(sign, part, None) for sign, part in best[1].path]
+        return cut(problem, start, path, best[1].stops)
