@@ -100,6 +100,15 @@ class Stops(NamedTuple):
 
 
 @kernel
+def duration(dx: float, dy: float, vx: float, vy: float, speed: float) -> float:
+    """Return the duration of a straight flight to a point at (dx, dy) that moves with a velocity."""
+    room = speed * speed - vx * vx - vy * vy
+    along = dx * vx + dy * vy
+    after: float = (along + math.sqrt(along * along + room * (dx * dx + dy * dy))) / room
+    return after
+
+
+@kernel
 def arrive(
     x: float, y: float, h: float, t: float, node: Floats, pose: Floats, speed: float, r: float
 ) -> float:
@@ -109,12 +118,14 @@ def arrive(
     """
     qx, qy = node[0] + pose[0], node[1] + pose[1]
     vx, vy = node[2], node[3]
-    a, b, c, word = shortest(x, y, h, qx + vx * t, qy + vy * t, pose[2], r)
-    d = a + b + c
-    s = d / speed
-    if (vx == 0.0 and vy == 0.0) or d == 0.0:
+    # The straight flight is a lower bound. The search rises from it, since later roots may exist.
+    before = duration(qx + vx * t - x, qy + vy * t - y, vx, vy, speed)
+    a, b, c, word = shortest(x, y, h, qx + vx * (t + before), qy + vy * (t + before), pose[2], r)
+    s = (a + b + c) / speed
+    if (vx == 0.0 and vy == 0.0) or a + b + c == 0.0:
         return t + s
-    before, gap = 0.0, d
+    d = a + b + c
+    gap = d - speed * before
     slowest = -0.5 * (speed - math.sqrt(vx * vx + vy * vy))
     sin, lift = sine_and_lift(pose[2] - h)
     enough = EXACT * (d + abs(qx) + abs(qy))

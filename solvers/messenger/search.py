@@ -28,6 +28,7 @@ from .chain import fly
 from .emission import Chain, move_to_boundary
 from .extensions import TourBackend
 from .last_leg import fly_to_rims, shorten_last_leg
+from .ordering import anneal_order
 
 __all__ = ["TourSearch"]
 
@@ -35,12 +36,21 @@ __all__ = ["TourSearch"]
 HOT, WARM, COLD = 0.3, 0.02, 1e-3
 #: Steps of one annealing per vehicle, and the least number.
 STEPS, LEAST = 20, 300
-#: Least number of vehicles for annealing the flight from rim to rim instead of starting from scratch.
-MANY = 150
+#: Least number of vehicles for annealing orders instead of starting from scratch.
+MANY = 50
+#: Steps per vehicle of the annealing of an order, without a limit and at most, and its temperatures.
+ORDER_STEPS, ORDER_MOST, ORDER_HOT, ORDER_COLD = 500, 4000, 0.1, 1e-3
+#: Shares of the time left, and most steps per vehicle, of one annealing of an order and of a tour.
+ORDER_SHARE, TOUR_SHARE, TOUR_MOST = 0.25, 0.3, 150
+#: Changes of a heading (rad). The first one that requires no circle is used: at the heading of the
+#: shortest path itself, rounding decides.
+AWAY = (1e-4, -1e-4, 0.03, -0.03, 0.1, -0.1, 0.3, -0.3, 1.0, -1.0)
 #: Number of tours in the pool, which are annealed again.
 POOL = 4
 #: Share of the time for the bound, and again for orders; without a limit, number of programs solved.
 BOUND_SHARE, BOUND_PROGRAMS = 0.2, 3000
+#: Share of the time for the bound of many vehicles, whose orders are not used.
+MANY_SHARE = 0.05
 #: Programs solved for tours without curvature if the search for the bound completed no order.
 SKETCH_PROGRAMS = 300
 #: Least relative gain of a shorter tour that resets the patience.
@@ -99,6 +109,7 @@ class _Search:
     idle: int = 0
     polishes: int = 0
     undecidable: float = math.inf
+    pace: float = 0.0
 
     def __post_init__(self) -> None:
         self.draw = np.random.default_rng(self.request.seed or 0)
@@ -113,6 +124,8 @@ class _Search:
             self.fly_nearest()
         if self.problem.start is not None:  # quick for any number of vehicles
             self.anneal(1, self.fly_rims(self.nearest()))
+        if self.many:
+            self.anneal(LEAST, self.lay(self.nearest()))
         if self.best is None or not self.many:
             self.anneal(LEAST)
         proven = clock()
@@ -125,7 +138,9 @@ class _Search:
         while not self.ended:
             again = bool(self.pool) and self.many
             again = again or (len(self.pool) == POOL and self.runs % 2 == 1)
-            k = int(self.draw.integers(len(self.pool))) if again else 0
+            k = 0 if self.many or not again else int(self.draw.integers(len(self.pool)))
+            if self.many:
+                steps = self.affordable(TOUR_SHARE, self.pace, LEAST, steps, TOUR_MOST)
             self.anneal(steps, self.pool[k][2].copy() if again else None)
         limit = self.request.control.reason if self.request.control.stopped else None
         if limit is None and request.left() == 0.0:
@@ -188,7 +203,8 @@ class _Search:
 
         control, left = self.request.control, self.request.left()
         begin = clock()
-        end = math.inf if left is None else begin + BOUND_SHARE * left
+        share = MANY_SHARE if self.many else BOUND_SHARE
+        end = math.inf if left is None else begin + share * left
         search = OrderSearch(self.problem, curved=True)
 
         def rising(bound: float) -> None:
@@ -203,6 +219,8 @@ class _Search:
         self.bound = search.bound
         if search.best is not None and self.request.options["interior"]:  # where turns are free
             self.offer(straight(self.problem, search.best.order, search.best.points))
+        if self.many:
+            return []
         orders = [order for _, order in sorted(search.orders)]
         if not orders:
             # Without curvature the search dives for tours.
@@ -238,6 +256,51 @@ class _Search:
             inside = -problem.radius[vehicle] * np.array([np.cos(heading), np.sin(heading)])
             chain.append(vehicle, inside, heading)
             place, left = target, np.delete(left, k)
+        return chain
+
+    def affordable(self, share: float, pace: float, least: int, steps: int, most: int) -> int:
+        """Return the steps that take a share of the time left, or `steps` without a limit.
+
+        A step takes `pace` seconds, and `most` is the limit per vehicle.
+        """
+        left = self.request.left()
+        if left is None or pace <= 0.0 or self.request.options["steps"]:
+            return steps
+        return int(min(max(share * left / pace, least), most * self.problem.size))
+
+    def lay(self, chain: Chain) -> Chain:
+        """Anneal the order of `chain`, which stops at every vehicle, and return the chain of its path."""
+        order, scene, flag = (
+            chain.stops.order[: chain.count].copy(),
+            chain.scene,
+            self.request.control.flag,
+        )
+        path, n = np.zeros((len(order), 4)), self.problem.size
+        path[0, :3] = *chain.scene.nodes[order[0], :2], chain.stops.poses[order[0], 2]
+        path[0, :2] += chain.stops.poses[order[0], :2]
+        steps = first = ORDER_STEPS * n
+        if self.request.time_limit is not None:
+            first, begin = LEAST, clock()
+            anneal_order(order, scene, path, first, ORDER_HOT, ORDER_COLD, self.draw, flag)
+            pace = (clock() - begin) / first
+            steps = self.affordable(ORDER_SHARE, pace, first, steps, ORDER_MOST)
+        anneal_order(order, scene, path, steps, ORDER_HOT, ORDER_COLD, self.draw, flag)
+        stops, chain.count = chain.stops, 1
+        for k in range(1, len(order)):
+            flown, vehicle = path[k, 3] - path[k - 1, 3], int(order[k])
+            if flown == 0.0:  # met on the way
+                continue
+            at = chain.count
+            chain.append(vehicle, path[k, :2] - self.problem.where(vehicle, path[k, 3]), 0.0)
+            best, limit = (math.inf, 0.0), stops.times[at - 1] + 1.01 * flown
+            for away in AWAY:
+                stops.poses[vehicle, 2] = path[k, 2] + away
+                fly(stops, chain.count, at, scene, math.inf)
+                best = min(best, (float(stops.times[at]), away))
+                if best[0] <= limit:
+                    break
+            stops.poses[vehicle, 2] = path[k, 2] + best[1]
+            fly(stops, chain.count, at, scene, math.inf)
         return chain
 
     def fly_rims(self, chain: Chain) -> Chain:
@@ -281,10 +344,11 @@ class _Search:
     def anneal(self, steps: int, chain: Chain | None = None) -> None:
         """Anneal `chain`, or a tour from scratch, and keep good results."""
         hot, chain = (HOT, self.chain()) if chain is None else (WARM, chain)
-        flag = self.request.control.flag
+        flag, begin = self.request.control.flag, clock()
         chain.count, value = anneal(
             chain.stops, chain.count, chain.scene, steps, hot, COLD, self.draw, flag
         )
+        self.pace = (clock() - begin) / steps
         self.runs += 1
         self.idle += 1
         if not value < math.inf:
