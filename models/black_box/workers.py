@@ -16,8 +16,6 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from typing import Any
 
-import cloudpickle
-
 from ...errors import InvalidData
 from ...timing import clock
 
@@ -162,6 +160,8 @@ class Pool:
         own = isinstance(workers, int)
         self._call: tuple[Any, ...] = (call,)
         if own or isinstance(workers, ProcessPoolExecutor):
+            import cloudpickle
+
             try:
                 body = cloudpickle.dumps(call)
             except Exception as error:
@@ -232,6 +232,8 @@ def pool_of(function: Any) -> Pool | None:
 
 @lru_cache(maxsize=8)
 def _loaded(body: bytes) -> Callable[..., Any]:
+    import cloudpickle
+
     result: Callable[..., Any] = cloudpickle.loads(body)
     return result
 
