@@ -98,7 +98,7 @@ route = BlackBoxMinimisation(
     budget=6000,
     name="path",
 )
-shortest = ct.solve(route, "differential-evolution", seed=1)
+shortest = ct.solve(route, "cma-es", seed=1)
 print(shortest.summary())
 sections_of_the_path = ct.plot(route, shortest)
 

@@ -18,7 +18,7 @@ __all__ = ["verify"]
 
 Floats = NDArray[np.float64]
 
-#: Largest number of samples of which each one's hypervolume is computed for the spread.
+#: Largest number of samples whose hypervolumes are computed for the spread.
 _SAMPLES = 100
 
 
@@ -30,7 +30,7 @@ def verify(model: Any, plan: BlackBoxPoint, tolerance: float) -> Verification:
     model : BlackBoxMinimisation
         Model with its function.
     plan : BlackBoxPoint
-        Point; with several objectives the points of the front, or `x` if there is none.
+        Point; with several objectives the points of the front, or `x` without a front.
     tolerance : float
         Tolerance of the bounds, relative to the range of a variable.
 

@@ -210,7 +210,8 @@ class _Picture:
         along, across = np.linspace(model.lows[[a, b]], model.highs[[a, b]], points).T
         sample = np.repeat(self._through()[None], points * points, axis=0)
         sample[:, a], sample[:, b] = np.tile(along, points), np.repeat(across, points)
-        values, feasible = (part.reshape(points, points) for part in sampled(model, sample))
+        flat, holds = sampled(model, sample)
+        values, feasible = flat.reshape(points, points), holds.reshape(points, points)
         finite = values[np.isfinite(values)]
         corners = (along[0], across[0]), (along[-1], across[-1])
         kit.draw_box(axes, *corners, fc=_NONE, ec="none", zorder=0.5, gid="no value")

@@ -16,7 +16,7 @@ __all__ = ["PARTS", "Constraints"]
 
 Floats = NDArray[np.float64]
 
-#: Number of parts of a run, after each of which the multipliers are updated.
+#: Number of parts of a run; each one ends with an update of the multipliers.
 PARTS = 10
 #: Value of an infeasible point whose violation is 1: larger than feasible values.
 _INFEASIBLE = 1e120

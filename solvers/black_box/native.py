@@ -19,6 +19,7 @@ from ...models.black_box.plan import BlackBoxPoint
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 from .archive import Archive
 from .constraints import PARTS, Constraints
+from .sampling import latin_hypercube
 
 __all__ = ["BlackBoxBackend", "Ended", "Objective", "latin_hypercube"]
 
@@ -347,23 +348,6 @@ class Objective:
         self.control.evaluated(count * self.problem.repeats)
         result: Floats = table
         return result
-
-
-def latin_hypercube(generator: np.random.Generator, count: int, dimension: int) -> Floats:
-    """Return points of the unit cube, shape (count, dimension), one in each slice of each variable.
-
-    SciPy's sampler would import its statistics, which takes longer than most searches.
-
-    Parameters
-    ----------
-    generator : numpy.random.Generator
-        Random numbers.
-    count, dimension : int
-        Number of points and of variables.
-    """
-    slices = np.tile(np.arange(count), (dimension, 1))
-    points: Floats = generator.permuted(slices, axis=1).T + generator.random((count, dimension))
-    return points / count
 
 
 class BlackBoxBackend(Backend):
