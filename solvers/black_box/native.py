@@ -411,11 +411,12 @@ class BlackBoxBackend(Backend):
         message = ""
         try:
             if request.warm_start is not None or not objective.dimension:
-                start = problem.lows if request.warm_start is None else request.warm_start.x
                 # The warm start itself, because the unit cube would round it.
-                x = problem.layout.canonical(np.asarray(start, float))
-                objective.start = np.clip(objective.unit(x), 0.0, 1.0)
-                objective.at(x[None])
+                warm = request.warm_start
+                points = [problem.lows] if warm is None else warm.front or [warm.x]
+                x = problem.layout.canonical(np.array(points, float))
+                objective.start = np.clip(objective.unit(x[0]), 0.0, 1.0)
+                objective.at(x)
             if objective.dimension:
                 additional = self.explore(objective)
         except Ended:
