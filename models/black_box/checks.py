@@ -86,10 +86,13 @@ def _kinds(model: Any, points: Floats, place: Callable[[int, int], str]) -> list
     """Return the checks of whole numbers, categories and conditions, which hold exactly."""
     fraction = model.layout.discrete & (points != np.rint(points))
     unused = ~model.layout.active(points) & (points != model.lows)
-    names = "integers and categories", "variables whose condition fails"
+
+    def places(bad: NDArray[np.bool_]) -> list[str]:
+        return [place(*at) for at in np.argwhere(bad).tolist()]
+
     return [
-        Check.count(name, [place(*at) for at in np.argwhere(bad).tolist()])
-        for name, bad in zip(names, (fraction, unused), strict=True)
+        Check.count("integers and categories", places(fraction)),
+        Check.count("variables whose condition fails", places(unused)),
     ]
 
 

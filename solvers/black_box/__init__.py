@@ -13,6 +13,7 @@ BACKENDS = {
     "portfolio": ".portfolio:Portfolio",
     "dual-annealing": ".scipy_searches:DualAnnealing",
     "differential-evolution": ".scipy_searches:DifferentialEvolution",
+    "cobyqa": ".scipy_searches:Cobyqa",
     "direct": ".scipy_searches:Direct",
     "shgo": ".scipy_searches:Shgo",
     "iafsa": ".fish:ImprovedFishSwarm",
@@ -21,6 +22,7 @@ BACKENDS = {
     "cma-es": ".pymoo_searches:CmaEs",
     "particle-swarm": ".pymoo_searches:ParticleSwarm",
     "nsga-ii": ".multi_objective:NsgaII",
+    "surrogate-search": ".surrogate:SurrogateSearch",
     "random-search": ".random_search:RandomSearch",
 }
 DIAGNOSES = {"black-box": ".diagnosis:diagnose_black_box"}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...models.black_box.model import BlackBoxMinimisation
 
-__all__ = ["PARTS", "Constraints"]
+__all__ = ["FLOOR", "PARTS", "Constraints"]
 
 Floats = NDArray[np.float64]
 
@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 PARTS = 10
 #: Value of an infeasible point whose violation is 1: larger than feasible values.
 _INFEASIBLE = 1e120
+#: Smallest value of an infeasible point.
+FLOOR = 1e100
 #: Reserve of an inequality in the Lagrangian, as a share of its typical violation: its minima are feasible.
 _RESERVE = 1e-6
 #: Factor of the penalties if the violation has not decreased to a quarter.

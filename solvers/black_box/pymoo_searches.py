@@ -21,6 +21,8 @@ __all__ = ["CmaEs", "ParticleSwarm"]
 
 #: Number of restarts that double the population; later ones keep its size.
 _DOUBLED = 9
+#: Value for the model at a point without a value, before the first point with one.
+_MISSING = 1e10
 #: Extent of all particles' best positions, as a share of the cube, at which a swarm has converged.
 _CONVERGED = 1e-8
 
@@ -50,6 +52,9 @@ class CmaEs(BlackBoxBackend):
             lower=3,
             upper=10**6,
         ),
+        "surrogate": Option(
+            False, "Whether a quadratic model replaces most evaluations (lq-CMA-ES).", bool
+        ),
     }
     most = 1000
     grows = "its matrix has their square"
@@ -63,6 +68,7 @@ class CmaEs(BlackBoxBackend):
     def search(self, objective: Objective) -> Mapping[str, Any]:
         """Evolve from the warm start, then from random points, until the run ends."""
         from cma import CMAEvolutionStrategy
+        from cma.fitness_models import SurrogatePopulation
 
         d = objective.dimension
         size = max(d, 2)  # cma needs two variables: the second one is ignored
@@ -75,6 +81,14 @@ class CmaEs(BlackBoxBackend):
         }
         count = objective.options["population"]
         options["popsize"] = count or objective.filled(4 + int(3 * np.log(size)))
+
+        def value(x: Any) -> float:
+            """Return the value at a point; no value becomes the largest one of the model."""
+            result = float(objective(np.asarray(x, float)[None, :d])[0])
+            return result if np.isfinite(result) else float(max(model.model.F, default=_MISSING))
+
+        # A quadratic model cannot follow the steps between feasible and infeasible points.
+        has_model = objective.options["surrogate"] and objective.problem.columns == 1
         restarts = 0
         while True:
             middle = objective.generator.random(size)
@@ -82,9 +96,14 @@ class CmaEs(BlackBoxBackend):
                 middle[:d], objective.start = objective.start, None
             with quiet():  # about flat functions, which lead to a restart
                 search = CMAEvolutionStrategy(middle, objective.options["sigma"], options)
+                model = SurrogatePopulation(value)
                 while not search.stop():
                     points = search.ask()
-                    search.tell(points, objective(np.array(points)[:, :d]).tolist())
+                    if has_model:
+                        search.tell(points, model(points))
+                        search.inject([model.model.xopt])
+                    else:
+                        search.tell(points, objective(np.array(points)[:, :d]).tolist())
             if restarts < _DOUBLED:
                 options["popsize"] = 2 * search.popsize
             restarts += 1

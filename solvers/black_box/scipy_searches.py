@@ -1,4 +1,4 @@
-"""SciPy's global searches: ``differential-evolution``, ``dual-annealing``, ``direct``, ``shgo``.
+"""SciPy's searches: ``differential-evolution``, ``dual-annealing``, ``cobyqa``, ``direct``, ``shgo``.
 
 Each search works in the unit cube, and all evaluations count, including those of local searches. The
 two randomised searches continue until the evaluations are used: differential evolution restarts after
@@ -19,7 +19,7 @@ from ..contract.backend import Feature, Option
 from .native import BlackBoxBackend, Objective, latin_hypercube
 from .quiet import quiet
 
-__all__ = ["DifferentialEvolution", "Direct", "DualAnnealing", "Shgo"]
+__all__ = ["Cobyqa", "DifferentialEvolution", "Direct", "DualAnnealing", "Shgo"]
 
 Floats = NDArray[np.float64]
 
@@ -154,6 +154,49 @@ class DualAnnealing(_SciPy):
                     x0=objective.start,
                 )
                 objective.start = None
+
+
+class Cobyqa(_SciPy):
+    """Local quadratic models in a trust region, from the best point and then from random points.
+
+    T. M. Ragonneau, "Model-based derivative-free optimization methods and software", PhD thesis, Hong Kong
+    Polytechnic University, 2022.
+    """
+
+    name = "cobyqa"
+    summary = "COBYQA of SciPy: local quadratic models, started again when it has converged"
+    options: ClassVar[Mapping[str, Option]] = {
+        "radius": Option(0.1, "First radius, as a share of the ranges.", lower=1e-6, upper=0.5),
+        "restarts": Option(True, "Whether it starts again from random points.", bool),
+    }
+    uses_size = True
+    most = 200
+    grows = "its models have the square of them"
+
+    def search(self, objective: Objective) -> Mapping[str, Any]:
+        """Search locally until the run ends, or until the first search has converged."""
+        from scipy.optimize import minimize
+
+        limits = {"maxfev": _ENDLESS, "maxiter": _ENDLESS, "final_tr_radius": 1e-9}
+        start, objective.start = objective.start, None
+        if start is None:
+            start = np.full(objective.dimension, 0.5)
+        while True:
+            # COBYQA does not leave a region without values.
+            if objective.x is None and not np.isfinite(objective(start[None])[0]):
+                start = objective.generator.random(objective.dimension)
+                continue
+            with quiet():
+                result = minimize(
+                    _one(objective),
+                    start,
+                    method="COBYQA",
+                    bounds=_cube(objective),
+                    options={**limits, "initial_tr_radius": objective.options["radius"]},
+                )
+            if not objective.options["restarts"]:
+                return {"ended": result.message}
+            start = objective.generator.random(objective.dimension)
 
 
 class _Deterministic(_SciPy):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 from black_box.searches import DRAWING, EVERY, LACKING, Counted, box, search
+from hypothesis import given, settings, strategies as st
 
 import crosstrack as ct
 from crosstrack.errors import BackendMissing, InvalidData, UnsupportedFormulation, UnsupportedOption
@@ -210,7 +211,8 @@ def test_what_the_function_raises_comes_through_every_search(name):
     # Earlier answers are kept.
     answer, _ = search(name, fragile(4))
     assert text in answer.message
-    assert answer.primal_bound == np.square(answer.point.x).sum()
+    x = np.array(answer.point.x)
+    assert answer.primal_bound == x @ x  # as the function computes it
 
 
 @pytest.mark.parametrize("name", EVERY)
@@ -231,7 +233,8 @@ def test_many_variables(name):
 def test_more_variables_than_a_search_holds(name):
     model = box("sphere", *[(-1, 1)] * 10_000, budget=12)
     refusal = find_backend(name).refuses(model)
-    assert bool(refusal) is (name in ("shgo", "direct", "cma-es"))
+    limited = ("shgo", "direct", "cma-es", "cobyqa", "surrogate-search")
+    assert bool(refusal) is (name in limited)
     if refusal:
         assert "got 10000" in refusal
         with pytest.raises(UnsupportedFormulation, match=f"backend '{name}': it takes at most"):
@@ -244,7 +247,7 @@ def test_more_variables_than_a_search_holds(name):
     ("name", "most"),
     [
         *(("differential-evolution", 1e-6), ("dual-annealing", 1e-6), ("direct", 1e-6)),
-        ("portfolio", 1e-6),
+        *(("portfolio", 1e-6), ("cobyqa", 1e-6)),
         *(("shgo", 1e-6), ("cma-es", 1e-6), ("particle-swarm", 1e-3)),
     ],
 )
@@ -403,13 +406,50 @@ def test_a_time_limit_a_target_and_a_warm_start_through_the_dispatcher():
 # -- the portfolio ------------------------------------------------------------------------------------
 
 
-def test_the_portfolio_divides_the_evaluations():
-    answer, function = search("portfolio", box(WAVY, *SQUARE, budget=1000))
-    counts = {name: answer.statistics[name] for name in ("direct", "dual-annealing")}
-    assert counts["direct"] == 99
-    names = ("direct", "cma-es", "dual-annealing")
-    assert 1 + sum(answer.statistics.get(name, 0) for name in names) == 1000  # and the centre
-    assert len(function.points) == 1000
+@pytest.mark.parametrize(("budget", "names"), [
+    (60, ("cobyqa", "surrogate-search")),
+    (200, ("cobyqa", "cma-es", "surrogate-search")),
+    (1000, ("cobyqa", "dual-annealing", "cma-es")),
+])  # fmt: skip
+def test_the_portfolio_divides_the_evaluations(budget, names):
+    answer, function = search("portfolio", box(WAVY, *SQUARE, budget=budget))
+    counts = [answer.statistics[name] for name in names if name not in LACKING]
+    assert min(counts) > 0
+    assert 1 + sum(counts) == budget == len(function.points)  # and the centre
+
+
+@pytest.mark.parametrize("d", [1, 2, 7, 40, 300, 2000])
+@pytest.mark.parametrize("evaluations", [1, 10, 500, 501, 3000, 10**6])
+def test_the_shares_of_the_stages_increase_to_all_evaluations(d, evaluations):
+    shares = [share for _, share, _ in portfolio.stages(d, evaluations)]
+    assert shares == sorted(shares) and shares[0] > 0 and shares[-1] == 1.0
+    # The last search has no limits and no libraries but SciPy.
+    last = portfolio.stages(d, evaluations)[-1][0]()
+    assert not last.most and last.requires == ("scipy",)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    d=st.integers(1, 4),
+    budget=st.integers(3, 120),
+    seed=st.integers(0, 100),
+    name=st.sampled_from(["sphere", "rastrigin", "ackley", "step", "sum-squares"]),
+    shift=st.floats(-2, 2),
+)
+def test_the_portfolio_is_never_worse_than_its_first_stage(d, budget, seed, name, shift):
+    """The first stage asks for the same points alone, and later stages lose none of them."""
+    model = box({"name": name, "shift": [shift] * d}, *[(-3.0, 4.0)] * d, budget=budget)
+    answer, oracle = search("portfolio", model, seed)
+    kind, share, options = portfolio.stages(d, budget)[0]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(portfolio, "stages", lambda *_: [(kind, share, options)])
+        alone, first = search("portfolio", model, seed)
+    count = len(first.points)
+    assert first.points == oracle.points[:count] and count <= len(oracle.points) == budget
+    assert answer.primal_bound <= alone.primal_bound
+    # Products of matrices with one row and with several rows differ in the last digit.
+    best = min(model.function.values(np.array([x]))[0] for x in oracle.points)
+    assert answer.primal_bound == pytest.approx(best, rel=1e-12, abs=1e-300)
 
 
 def test_the_portfolio_divides_the_time():
@@ -417,8 +457,27 @@ def test_the_portfolio_divides_the_time():
     model = box("sphere", *[(-1, 1)] * 3, budget=10**8)
     ct.solve(model, "portfolio", evaluations=1)  # imports the libraries
     answer = ct.solve(model, "portfolio", time_limit=2.0)
-    assert answer.statistics["dual-annealing"] > 0  # the others may lose their share to imports
+    last = "dual-annealing" if "cma-es" in LACKING else "cma-es"
+    assert answer.statistics[last] > 0  # the others may lose their share to imports
     assert str(answer.limit) == "time"
+
+
+def test_the_portfolio_selects_its_stages_for_the_evaluations_that_the_time_allows():
+    """A slow function with a time limit has few evaluations, whatever its budget."""
+
+    def slow(x):
+        time.sleep(0.05)
+        return x @ x
+
+    control = Control()
+    model = box(slow, (-1, 2), (-1, 2), budget=10**6)
+    backend = find_backend("portfolio")
+    backend.prepare()
+    control.arm(2.5)
+    control.oracle = Counted(model)
+    answer = backend.run(model.blinded(), Request(time_limit=2.5, control=control, seed=1))
+    assert answer.limit is Limit.TIME
+    assert answer.statistics["surrogate-search"] > 0 and answer.primal_bound < 0.1
 
 
 def test_the_portfolio_is_no_worse_than_its_searches_on_a_path():
@@ -450,8 +509,8 @@ def test_the_portfolio_reports_a_time_limit_that_ends_an_early_stage(monkeypatch
             time.sleep(0.3)
             return {}
 
-    stages = ((Idle, 0.5), (portfolio.DualAnnealing, 1.0))
-    monkeypatch.setattr(portfolio, "_STAGES", stages)
+    stages = ((Idle, 0.5, {}), (portfolio.DualAnnealing, 1.0, {}))
+    monkeypatch.setattr(portfolio, "stages", lambda *_: stages)
     control = Control()
     control.arm(0.1)
     backend = find_backend("portfolio")

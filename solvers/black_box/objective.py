@@ -1,0 +1,371 @@
+"""Objective of a search of a black box: counted values in the unit cube, and the best point."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...models.black_box.model import BlackBoxMinimisation
+from ...models.black_box.plan import BlackBoxPoint
+from ..contract.backend import Request
+from .archive import Archive
+from .constraints import PARTS, Constraints
+from .sampling import latin_hypercube
+
+if TYPE_CHECKING:
+    from .native import BlackBoxBackend
+
+__all__ = ["Ended", "Objective"]
+
+Floats = NDArray[np.float64]
+
+#: Largest number of points per request.
+_MOST = 2**13
+#: Largest number of evaluations whose points are kept for models of later stages.
+_REMEMBERED = 2000
+
+
+class Ended(Exception):
+    """The run ends: its evaluations are used up or it was stopped; raised through the search."""
+
+
+class Objective:
+    """Objective of a search: the function over the unit cube of the free variables.
+
+    The search therefore produces the same points, up to rounding, if the variables are shifted or
+    scaled.
+
+    Parameters
+    ----------
+    problem : BlackBoxMinimisation
+        Model without its function.
+    request : Request
+        Request, whose control provides values and receives better points.
+
+    Attributes
+    ----------
+    options : mapping
+        Options of the backend.
+    generator : numpy.random.Generator
+        Generator with the run's seed.
+    start : ndarray, shape (dimension,), optional
+        Warm start in the unit cube, whose value is known already.
+    dimension : int
+        Number of free variables.
+    left, granted : int
+        Remaining points, and their initial number; each point is evaluated `repeats` times.
+    best : float
+        Smallest objective of a feasible point so far, or minus the hypervolume; infinity before the first.
+    x : ndarray, shape (d,), optional
+        Best point, all variables.
+    constraints : Constraints
+        Handling of the constraints.
+    archive : Archive, optional
+        Front of a model with several objectives.
+    missing : int
+        Number of points without a value.
+    counts : dict of str to int
+        Evaluations of each stage.
+    history : list of (ndarray, ndarray)
+        Points of the unit cube and their values, if at most :data:`_REMEMBERED` are possible.
+    """
+
+    def __init__(self, problem: BlackBoxMinimisation, request: Request) -> None:
+        self.problem, self.control, self.options = problem, request.control, request.options
+        self.generator = np.random.default_rng(0 if request.seed is None else request.seed)
+        self.start: Floats | None = None
+        self.free = np.flatnonzero(problem.highs > problem.lows)
+        self.dimension = self.free.size
+        # Each value of a discrete variable has the same share of the cube.
+        half = 0.5 * problem.layout.discrete[self.free]
+        self._lower = problem.lows[self.free] - half
+        self._width = problem.highs[self.free] + half - self._lower
+        self._upper = problem.highs[self.free]
+        #: Whether all variables are free and real, and whether a point has one value.
+        self._is_plain = problem.variables is None and self.dimension == problem.dimension
+        self._is_single = problem.columns == 1
+        limit = request.evaluations
+        limit = problem.budget if limit is None else min(problem.budget, limit)
+        self.granted = self.left = limit // problem.repeats
+        self.best, self.missing = math.inf, 0
+        self.target = request.target
+        self._ahead, self._parallel = 0, 0
+        self.counts: dict[str, int] = {}
+        self.history: list[tuple[Floats, Floats]] = []
+        self.x: Floats | None = None
+        self.constraints = Constraints(problem)
+        self.archive: Archive | None = None
+        if problem.reference is not None:
+            self.archive = Archive(problem.reference, self.options.get("front", 100))
+        left = request.left()
+        self._seconds = math.inf if left is None else max(left, 1e-9)
+        self._end = None if left is None else time.perf_counter() + left
+        #: Share of the evaluations and of the time after which the present stage ends, and the
+        #: evaluations of later stages.
+        self._share, self._reserve = 1.0, 0
+
+    @property
+    def progress(self) -> float:
+        """Share of the evaluations that are used, from 0 to 1."""
+        return 1.0 - (self.left + self._reserve) / self.granted
+
+    @property
+    def origin(self) -> Floats:
+        """Origin of the variables in the coordinates of the unit cube, possibly outside of it."""
+        result: Floats = -self._lower / self._width
+        return result
+
+    def unit(self, x: Floats) -> Floats:
+        """Return points of all variables, shape (…, d), in the unit cube of the free variables."""
+        result: Floats = (x[..., self.free] - self._lower) / self._width
+        return result
+
+    def point(self, unit: Floats) -> Floats:
+        """Return points of the unit cube, shape (…, dimension), as points of all variables."""
+        if self._is_plain:
+            x = self._lower + unit * self._width
+            np.maximum(x, self._lower, out=x)
+            return np.minimum(x, self._upper, out=x)
+        x = np.broadcast_to(self.problem.lows, (*unit.shape[:-1], self.problem.dimension)).copy()
+        x[..., self.free] = self._lower + unit * self._width
+        return self.problem.layout.canonical(x)
+
+    def __call__(self, unit: Floats) -> Floats:
+        """Return the values at points of the unit cube, infinite for no value.
+
+        Parameters
+        ----------
+        unit : ndarray, shape (m, dimension)
+            Points; those outside of the cube are moved to its border.
+
+        Returns
+        -------
+        ndarray, shape (m,)
+            Values.
+
+        Raises
+        ------
+        Ended
+            The run must end; the evaluations up to then are counted.
+        """
+        values = self.at(self.point(unit))
+        self._remember(unit, values)
+        return values
+
+    def _remember(self, unit: Floats, values: Any) -> None:
+        if self.granted <= _REMEMBERED:
+            self.history.append((np.atleast_2d(unit).copy(), np.atleast_1d(values)))
+
+    def at(self, points: Floats) -> Floats:
+        """Return the values at points of all variables, shape (m, d); see :meth:`__call__`."""
+        if len(points) == 1 and self._is_single and self.left:
+            return np.array([self._at_one(points)])
+        table = self.table(points)
+        return self.constraints.merit(points, table) if table.shape[1] > 1 else table[:, 0]
+
+    def table(self, points: Floats) -> Floats:
+        """Return objectives, inequalities and equalities, infinite for no value, shape (m, columns)."""
+        x = points[: self.left]
+        table = np.full((len(x), self.problem.columns), np.inf)
+        done = 0
+        # A request is a whole generation. The oracle returns after a while with the answers so far, so that the
+        # run can stop.
+        while done < len(x) and not self.control.stopped:
+            answers = self.control.ask(x[done : done + _MOST], partial=True)
+            if len(answers):
+                table[done : done + len(answers)] = self._count(x[done:], answers)
+                done += len(answers)
+        self._ahead = max(self._ahead - done, 0)
+        if self.archive is not None and self.archive.add(
+            x[:done],
+            table[:done, : self.problem.objectives],
+            self.constraints.feasible(table[:done]),
+        ):
+            self.best, self.x = -self.archive.volume, self.archive.compromise()
+            used = (self.granted - self._reserve - self.left) * self.problem.repeats
+            self.control.incumbent(self.best, self.plan(), used)
+        stage_ends = self._share < 1.0 and self._used_time() >= self._share
+        if self.control.stopped or done < len(points) or stage_ends:
+            raise Ended
+        return table
+
+    def plan(self) -> BlackBoxPoint | None:
+        """Return the best point, with the front of several objectives; None before the first."""
+        if self.x is None:
+            return None
+        front = None if self.archive is None else tuple(map(tuple, self.archive.x.tolist()))
+        return BlackBoxPoint(tuple(self.x.tolist()), front)
+
+    def search_in_parts(self, search: BlackBoxBackend) -> Mapping[str, Any]:
+        """Run a search that uses the size of values; with constraints in parts with fixed multipliers."""
+        if not self.constraints.scales.size:
+            return search.search(self)
+        count = max(min(10 + 2 * self.dimension, self.left // 20), 1)
+        sample = latin_hypercube(self.generator, count, self.dimension)
+        self.constraints.begin(self.table(self.point(sample)))
+        try:
+            for part in range(PARTS):
+                with self.limited(1 / (PARTS - part)):
+                    search.search(self)
+                if self.constraints.best is not None:
+                    self.start = np.clip(self.unit(self.constraints.best[1]), 0.0, 1.0)
+                self.constraints.update()
+        finally:
+            self.constraints.multipliers = None
+        return {}
+
+    @contextmanager
+    def limited(self, share: float) -> Iterator[None]:
+        """Limit a block to a share of the remaining points and of the remaining time.
+
+        ``Ended`` leaves the block only if the whole run, or the stage around the block, must end.
+        """
+        outer, now = self._share, self._used_time()
+        reserve = self.left - max(int(self.left * share), min(self.left, 1))
+        self.left, self._reserve = self.left - reserve, self._reserve + reserve
+        self._share = outer if share == 1.0 else now + (outer - now) * share
+        ended = False
+        try:
+            yield
+        except Ended:
+            ended = True
+        finally:
+            self.left, self._reserve, self._share = (
+                self.left + reserve,
+                self._reserve - reserve,
+                outer,
+            )
+        late = outer < 1.0 and self._used_time() >= outer
+        if ended and (self.control.stopped or not self.left or late):
+            raise Ended
+
+    def _at_one(self, points: Floats) -> float:
+        """Return the value at one point, without the cost of arrays."""
+        control = self.control
+        answers = points[:0]
+        while not len(answers):
+            if control.stopped:
+                raise Ended
+            answers = control.ask(points, partial=True)
+        value = answers.item()
+        if not math.isfinite(value):
+            value = math.inf
+            self.missing += 1
+        self.left -= 1
+        self._ahead = max(self._ahead - 1, 0)
+        if value < self.best:
+            self._improve(value, points[0], self.granted - self._reserve - self.left)
+        control.evaluated(self.problem.repeats)
+        if control.stopped or (self._share < 1.0 and self._used_time() >= self._share):
+            raise Ended
+        return value
+
+    def _improve(self, value: float, x: Floats, place: int) -> None:
+        """Store and report a better point, that of evaluation number `place`."""
+        self.best, self.x = value, x
+        point = BlackBoxPoint(tuple(x.tolist()))
+        self.control.incumbent(value, point, place * self.problem.repeats)
+
+    @property
+    def parallel(self) -> int:
+        """Number of points that are evaluated at once."""
+        if not self._parallel:
+            points = np.empty((0, self.problem.dimension))
+            self._parallel = max(self.control.start(points) // self.problem.repeats, 1)
+        return self._parallel
+
+    def filled(self, count: int) -> int:
+        """Return the size of a generation of at least `count` points that leaves no worker idle."""
+        return -(-count // self.parallel) * self.parallel
+
+    def begin(self, unit: Floats) -> None:
+        """Start the evaluation of points that are requested later, in their order, if there are workers.
+
+        Values then arrive without waiting for the slowest point of a batch. Requests have the same answers as
+        without this call.
+
+        Parameters
+        ----------
+        unit : ndarray, shape (m, dimension)
+            Points of the unit cube.
+        """
+        if self.parallel > 1:
+            points = self.point(unit[: max(self.left - self._ahead, 0)])
+            self._ahead += len(points)
+            self.control.start(points)
+
+    def run_stage(self, share: float, search: BlackBoxBackend, **options: Any) -> None:
+        """Run a search from the best point until a share of the evaluations or the time is used.
+
+        Parameters
+        ----------
+        share : float
+            Share of all evaluations, and of the time limit, at which the search ends, from 0 to 1.
+        search : BlackBoxBackend
+            The search.
+        **options
+            Options of the search that differ from its defaults.
+        """
+        reserve = min(int(self.granted * (1.0 - share)), self.left)
+        # The last stage begins in any case, because its first request raises at a limit.
+        if share < 1.0 and (reserve == self.left > 0 or self._used_time() >= share):
+            return
+        self.left, self._share, self._reserve = self.left - reserve, share, reserve
+        begin = self.left
+        try:
+            self.continue_with(search, **options)
+        except Ended:
+            if self.control.stopped or share >= 1.0:
+                raise
+        finally:
+            self.counts[search.name] = begin - self.left
+            self.left, self._share, self._reserve = self.left + reserve, 1.0, 0
+
+    def continue_with(self, search: BlackBoxBackend, **options: Any) -> Mapping[str, Any]:
+        """Run a search from the best point, with its default options except for `options`."""
+        self.options = search.checked_options(options)
+        if self.x is not None:
+            self.start = np.clip(self.unit(self.x), 0.0, 1.0)
+        return search.explore(self)
+
+    def affordable(self, seconds: float) -> int:
+        """Return how many of the granted evaluations the time limit allows if each takes `seconds`."""
+        return max(int(min(self._seconds / max(seconds, 1e-9), self.granted)), 1)
+
+    def _used_time(self) -> float:
+        """Return the used share of the time limit, 0 without a limit."""
+        if self._end is None:
+            return 0.0
+        return 1.0 - (self._end - time.perf_counter()) / self._seconds
+
+    def _count(self, x: Floats, answers: Floats) -> Floats:
+        """Return the answers, infinite in rows without a value; count them and store the best.
+
+        Points after one that reaches the target in the same request are ignored: the grouping of points
+        into requests depends on the speed of the function, and the result must not.
+        """
+        missing = np.logical_not(np.isfinite(answers).all(axis=1))
+        table = np.where(missing[:, None], np.inf, answers)
+        values = table[:, 0]
+        if table.shape[1] > 1:
+            values = np.where(self.constraints.feasible(table), values, np.inf)
+        if self.archive is not None:
+            values = np.full(len(values), np.inf)  # the front is updated after the request
+        count = len(values)
+        if self.target is not None and values.min() <= self.target:
+            count = int((values <= self.target).argmax()) + 1
+        self.left -= count
+        self.missing += int(missing[:count].sum())
+        k = int(values[:count].argmin())
+        if values[k] < self.best:
+            place = self.granted - self._reserve - self.left - count + k + 1
+            self._improve(float(values[k]), x[k], place)
+        self.control.evaluated(count * self.problem.repeats)
+        result: Floats = table
+        return result

@@ -1,0 +1,183 @@
+"""Gaussian process, ``surrogate-search``, ``cobyqa`` and the variants of ``cma-es``."""
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from black_box.searches import LACKING, Counted, box, search
+from numpy.testing import assert_allclose
+from scipy.optimize import approx_fprime
+
+import crosstrack as ct
+from crosstrack.models import BlackBoxMinimisation
+from crosstrack.models.black_box import PythonFunction
+from crosstrack.solvers import Control, Limit
+from crosstrack.solvers.black_box.gaussian_process import GaussianProcess
+
+RNG = np.random.default_rng(5)
+
+
+def valley(x):
+    """Return an ill-conditioned, rotated quadratic with its minimum 0 at (0.3, …, 0.3)."""
+    d = x.shape[-1]
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(d, d)))[0]
+    return ((x - 0.3) @ turn) ** 2 @ 100.0 ** np.linspace(0, 1, d)
+
+
+def many(function):
+    return PythonFunction(function, vectorized=True)
+
+
+def data(n=40, d=3):
+    x = RNG.uniform(-1, 1, (n, d))
+    return x, np.sin(3 * x[:, 0]) + 2 * x[:, 1] ** 2
+
+
+def test_the_gradient_of_the_posterior_density_is_that_of_differences():
+    x, y = data()
+    process = GaussianProcess(3)
+    loss = process._loss(x, y)
+    for theta in (process.theta, RNG.normal(size=6) - [0, 0, 0, 0, 0, 5]):
+        assert_allclose(
+            loss(theta)[1], approx_fprime(theta, lambda t: loss(t)[0], 1e-6), rtol=1e-3, atol=1e-3
+        )
+
+
+def test_the_gradient_of_the_lower_bound_is_that_of_differences():
+    x, y = data()
+    process = GaussianProcess(3)
+    process.fit(x, y, 30)
+    for kappa in (0.0, 1.5):
+        at = RNG.uniform(-1, 1, 3)
+        value, gradient = process.lower(at, kappa)
+        mean, deviation = process.predict(at[None])
+        assert value == pytest.approx(mean[0] - kappa * deviation[0])
+        assert_allclose(
+            gradient, approx_fprime(at, lambda z, k=kappa: process.lower(z, k)[0], 1e-6), atol=1e-3
+        )
+
+
+def test_the_process_interpolates_and_predicts_within_its_deviations():
+    x, y = data(60)
+    process = GaussianProcess(3)
+    process.fit(x, y, 50)
+    assert_allclose(process.predict(x)[0], y, atol=1e-3)
+    others, values = data(200)
+    mean, deviation = process.predict(others)
+    assert_allclose(mean, values, atol=0.05)
+    assert (np.abs(mean - values) < 4 * deviation + 1e-3).mean() > 0.95
+
+
+def test_a_quadratic_function_is_learned_exactly():
+    x = RNG.uniform(-1, 1, (40, 4))
+    process = GaussianProcess(4)
+    process.fit(x, valley(x), 60)
+    others = RNG.uniform(-3, 3, (50, 4))  # also outside of the points
+    assert_allclose(process.predict(others)[0], valley(others), rtol=1e-2, atol=0.1)
+
+
+def test_equal_points_with_different_values_have_a_posterior():
+    x = np.repeat(RNG.uniform(-1, 1, (5, 2)), 8, axis=0)
+    process = GaussianProcess(2)
+    process.fit(x, RNG.normal(size=40), 20)
+    mean, deviation = process.predict(x)
+    assert np.isfinite(mean).all() and (deviation > 0).all()
+
+
+@pytest.mark.parametrize("name", ["surrogate-search", "cobyqa", "portfolio"])
+def test_few_evaluations_follow_a_valley(name):
+    model = box(many(valley), *[(-2, 1)] * 5, budget=150)
+    assert search(name, model, seed=1)[0].primal_bound <= 0.01
+    random = search("random-search", model, seed=1)[0].primal_bound
+    assert random > 1.0
+
+
+def test_a_batch_is_one_request():
+    sizes = []
+
+    def function(x):
+        sizes.append(len(x))
+        return valley(x)
+
+    control = Control()
+    model = box(many(function), *[(-2, 1)] * 3, budget=86)
+    control.oracle = Counted(model)
+    answer, _ = search("surrogate-search", model, control=control, batch=8)
+    points = np.array(control.oracle.points)
+    assert len(np.unique(points, axis=0)) == 86  # no point twice within a batch or later
+    assert max(sizes) == 8 and answer.primal_bound <= 0.5
+    assert len(sizes) < 30
+
+
+def test_annealing_continues_after_the_evaluations_of_the_process():
+    model = box("rastrigin", *[(-4, 5)] * 2, budget=150)
+    _, first = search("surrogate-search", model, evaluations=60)
+    _, second = search("surrogate-search", model, surrogate=60, evaluations=150)
+    assert first.points[:60] == second.points[:60]
+    _, third = search("surrogate-search", model, surrogate=150, evaluations=150)
+    assert second.points[:60] == third.points[:60] and second.points[62:] != third.points[62:]
+    assert len(second.points) == 150
+
+
+def test_whole_numbers_and_categories_are_searched():
+    colours = {"type": "category", "values": ["red", "green", "blue"]}
+
+    def function(x):
+        return (x[0] - 7) ** 2 + (x[1] - 0.25) ** 2 + 3 * (x[2] != 1)
+
+    model = box(
+        function, (0, 20), (-1, 1), (0, 2), variables=["integer", "real", colours], budget=60
+    )
+    answer, _ = search("surrogate-search", model, seed=2)
+    assert answer.point.x[0] == 7 and answer.point.x[2] == 1 and answer.primal_bound < 0.01
+
+
+def test_a_time_limit_ends_a_surrogate_search():
+    model = box(many(valley), *[(-2, 1)] * 4, budget=500)
+    control = Control()
+    control.arm(0.5)
+    begin = time.perf_counter()
+    answer, _ = search("surrogate-search", model, control=control)
+    assert answer.limit in (Limit.TIME, Limit.EVALUATIONS)
+    assert time.perf_counter() - begin < 20
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("d", [2, 10, 20])
+def test_the_overhead_per_evaluation_is_below_a_tenth_of_a_second(d):
+    begin = time.process_time()
+    search("surrogate-search", box(many(valley), *[(-2, 1)] * d, budget=500))
+    assert time.process_time() - begin < 0.1 * 500
+
+
+@pytest.mark.skipif("cma-es" in LACKING, reason="needs crosstrack[blackbox]")
+def test_a_model_saves_evaluations_of_the_evolution_strategy():
+    model = box(many(valley), *[(-2, 1)] * 6, budget=240)
+    plain, with_model = (
+        np.median(
+            [search("cma-es", model, seed, surrogate=own)[0].primal_bound for seed in range(2)]
+        )
+        for own in (False, True)
+    )
+    assert with_model < 1e-3 * plain
+
+
+def test_cobyqa_starts_again_or_ends():
+    model = box(many(valley), *[(-2, 1)] * 2, budget=400)
+    answer, oracle = search("cobyqa", model, restarts=False)
+    assert answer.limit is None and len(oracle.points) < 400 and answer.primal_bound < 1e-10
+    assert "ended" in answer.statistics
+    assert len(search("cobyqa", model)[1].points) == 400
+
+
+@pytest.mark.parametrize("evaluations", [60, 200, 1000])
+def test_the_portfolio_leaves_no_worker_idle_with_several_workers(evaluations):
+    """Searches that request single points are left out."""
+    with ThreadPoolExecutor(4) as workers:
+        function = PythonFunction(valley, workers=workers)
+        model = BlackBoxMinimisation(function, [[-2, 1]] * 3, budget=evaluations)
+        answer = ct.solve(model, seed=1)
+    counts = answer.statistics
+    assert "cobyqa" not in counts and "dual-annealing" not in counts
+    assert counts["evaluations"] == evaluations and answer.primal_bound < 0.5
