@@ -70,7 +70,7 @@ def size_of(zone: Floats) -> float:
 def is_inside(zone: Floats, place: complex) -> bool:
     """Return whether a place is inside a zone; for a polygon by the even-odd rule."""
     if zone.ndim == 1:
-        return abs(place - complex(*zone[:2])) < zone[2]
+        return bool(abs(place - complex(*zone[:2])) < zone[2])
     inside = False
     for a, b in _edges(zone):
         if (a.imag > place.imag) != (b.imag > place.imag):

@@ -63,9 +63,10 @@ class CrewSearch(TourBackend):
         """Search until a limit is reached, the gap is closed, or the patience is exhausted."""
         begin = clock()
         crew = _Crew(problem, request)
+        sets, idle, optimal = crew.first(), 0, False
+        crew.offer(sets)
         bound = crew.bound()
         request.control.prove(bound)
-        sets, idle, optimal = crew.first(), 0, False
         while crew.limit is None and not optimal and idle <= request.options["patience"]:
             before = crew.length
             sets = crew.descend(sets)
@@ -144,10 +145,12 @@ class _Crew:
             return 0.0
         key = self.base[uav], vehicles
         if key not in self.tours or thorough:
-            rows = sorted(vehicles)
+            rows, left = sorted(vehicles), self.request.left()
             answer = self.request.within(
                 TourSearch(), self.problem.share(uav, rows), seed=self.request.seed or 0,
                 options=THOROUGH if thorough else QUICK,
+                # Leave time for the tours of the other UAVs.
+                time_limit=None if left is None else left / (2 * len(self.base)),
             )  # fmt: skip
             plan, known = answer.point, self.tours.get(key)
             if plan is not None and (known is None or plan.length < known.length):
