@@ -144,3 +144,12 @@ def test_plot_animation_and_export_show_every_uav(solved, tmp_path):
     rows = np.genfromtxt(path, delimiter=",", names=True)
     for uav, part in enumerate(best.plan.parts()):
         assert rows["t"][rows["uav"] == uav].max() == pytest.approx(part.length / 10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", range(10))
+def test_the_bound_of_several_uavs_holds_on_two_hundred_cases(block):
+    for seed in range(2000 + 20 * block, 2020 + 20 * block):
+        model = drawn(seed)
+        bound = ct.solve(model, seed=1, backend_options={"patience": 0}).dual_bound
+        assert bound <= by_enumeration(model) * (1 + 1e-6)

@@ -156,3 +156,14 @@ def test_plot_and_export_show_places_over_the_ground(tmp_path):
     plan = ct.models.messenger.TourPlan((0,), [0.0], [[0, 0]], [0, 0, 0], circles)
     assert np.ptp(outline(plan, 5.0, np.array([0.3, 0])).poses[:, 0]) > 180
     assert np.ptp(outline(plan, 5.0).poses[:, 0]) < 10.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", range(10))
+def test_the_bounds_in_wind_hold_on_two_hundred_cases(block):
+    for seed in range(1000 + 20 * block, 1020 + 20 * block):
+        model = drawn(seed)
+        bounds = [
+            ct.solve(model, f"{name}-bound").dual_bound for name in ("euclidean", "curvature")
+        ]
+        assert max(bounds) <= shortest_flight(model) * (1 + 1e-6)
