@@ -120,8 +120,8 @@ class SequentialOrdering(Model[SequentialOrderingPlan]):
     @cached_property
     def missing(self) -> float:
         """Length that is longer than every path, a substitute for missing arcs in computations."""
-        finite = self.distances[np.isfinite(self.distances)]
-        return float(np.ceil(finite.max(initial=0.0) * self.size) + 1.0)
+        longest = self.distances.max(initial=0.0, where=np.isfinite(self.distances))
+        return float(longest * (self.size + 1)) or 1.0
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:

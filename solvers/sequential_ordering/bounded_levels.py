@@ -32,8 +32,8 @@ from ..contract.backend import (
     Request,
     Termination,
 )
-from .level_kernels import BITS, States, assign_root, expand
-from .three_exchange import ThreeExchange, costs_of, length_of
+from .level_kernels import BITS, States, expand, new_states
+from .three_exchange import ThreeExchange, costs_of, length_of, root_state
 
 __all__ = ["BoundedLevels"]
 
@@ -138,9 +138,8 @@ class _Search:
         )  # fmt: skip
         if stage.point is not None:
             self.offer(np.array(stage.point.order, np.int64))
-        root = self._level(1)
-        waits = np.ascontiguousarray(self.model.closure[1:].any(axis=0))
-        if not assign_root(self.cost, self.model.missing, waits, root, self.control.flag):
+        root = root_state(self.model, self.cost, self.control.flag)
+        if root is None:
             return
         self.root = float(root.rest[0])
         self.prove(self.root)
@@ -157,19 +156,10 @@ class _Search:
             self.width = min(max(self.width * _WIDER, _NARROW), most)
             self._sweep(root)
 
-    def _level(self, room: int) -> States:
-        """Return empty states."""
-        size = self.model.size
-        return States(
-            np.empty((room, self.words), np.int64), np.empty(room, np.int32), np.empty(room, np.int32),
-            np.empty(room), np.empty(room), np.empty((room, size)), np.empty((room, size)),
-            np.empty((room, size), np.int16),
-        )  # fmt: skip
-
     def _sweep(self, root: States) -> None:
         """Search all levels with the current width."""
         upper = self.value - (0.5 if self.exact else _SAFE * self.value)
-        children = self._level(_ROOM * self.width)
+        children = new_states(self.model.size, _ROOM * self.width)
         table = np.empty(1 << (2 * len(children.last)).bit_length(), np.int32)
         level, dropped = root, math.inf
         trace: list[tuple[NDArray[np.int32], NDArray[np.int32]]] = []

@@ -164,8 +164,8 @@ def _apply(it: Paths, i: int, j: int, k: int, ends: Ints) -> None:
 
 @kernel
 def anneal(
-    it: Paths, shortest: Ints, lengths: Floats, hot: float, cold: float, draws: Floats, first: bool,
-    flag: NDArray[np.int8],
+    it: Paths, shortest: Ints, lengths: Floats, hot: float, cold: float, draws: Floats, small: float,
+    first: bool, flag: NDArray[np.int8],
 ) -> int:  # fmt: skip
     """Iterate random exchanges and local searches, with the acceptance of simulated annealing.
 
@@ -181,6 +181,8 @@ def anneal(
         Temperatures of the first and the last iteration, in units of the distances.
     draws : ndarray, shape (iterations, DRAWS)
         Uniform random numbers.
+    small : float
+        Gain above which an exchange counts, for rounding errors.
     first : bool
         Whether to begin with a local search from all nodes.
     flag : ndarray of int8
@@ -192,7 +194,6 @@ def anneal(
         Number of iterations.
     """
     size, ends = len(it.path), np.zeros(2, np.int64)
-    small = 1e-12 * (1.0 + abs(lengths[1]))
     count = 0
     if first:
         for p in range(size):

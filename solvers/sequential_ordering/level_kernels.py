@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["BITS", "States", "assign_root", "expand"]
+__all__ = ["BITS", "States", "assign_root", "expand", "new_states"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -119,6 +119,15 @@ def _augment(
         if node == start:
             return far
         j = former
+
+
+def new_states(size: int, room: int) -> States:
+    """Return empty states of a problem with `size` nodes."""
+    return States(
+        np.empty((room, -(-size // BITS)), np.int64), np.empty(room, np.int32), np.empty(room, np.int32),
+        np.empty(room), np.empty(room), np.empty((room, size)), np.empty((room, size)),
+        np.empty((room, size), np.int16),
+    )  # fmt: skip
 
 
 @kernel(interpretable=True, in_place=True)

@@ -28,17 +28,21 @@ from ..contract.backend import (
     Termination,
 )
 from .exchange_kernels import DRAWS, Paths, anneal
+from .level_kernels import States, assign_root, new_states
 
-__all__ = ["ThreeExchange", "costs_of", "length_of", "nearest_available"]
+__all__ = ["ThreeExchange", "costs_of", "length_of", "nearest_available", "root_state"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 #: Number of successors of each node that the local search tests.
 _NEAR = 12
 #: Iterations per call of the kernel, and per node by default.
 _CHUNK, _PER_NODE = 1000, 400
 #: First temperature, in mean arcs of the first local optimum.
-_HOT = 0.1
+_HOT = 0.5
+#: Smallest gain, relative to the largest length.
+_SMALL = 1e-12
 
 
 def costs_of(model: SequentialOrdering) -> Floats:
@@ -60,6 +64,13 @@ def nearest_available(model: SequentialOrdering, cost: Floats) -> NDArray[np.int
         waiting -= model.closure[order[step]]
         order[step + 1] = np.where(waiting == 0, cost[order[step]], np.inf).argmin()
     return order
+
+
+def root_state(model: SequentialOrdering, cost: Floats, flag: NDArray[np.int8]) -> States | None:
+    """Return the state of node 0 with the assignment of all other nodes; None if it was stopped."""
+    root = new_states(model.size, 1)
+    waits = np.ascontiguousarray(model.closure[1:].any(axis=0))
+    return root if assign_root(cost, model.missing, waits, root, flag) else None
 
 
 class ThreeExchange(Backend):
@@ -84,46 +95,23 @@ class ThreeExchange(Backend):
         """Search, and return the shortest path."""
         begin, size, control = clock(), problem.size, request.control
         cost = costs_of(problem)
-        start = nearest_available(problem, cost)
+        shortest, done = nearest_available(problem, cost), 0
         if request.warm_start is not None:
-            start = np.array(request.warm_start.order, np.int64)
-        most = request.options["iterations"] or _PER_NODE * size
-        state = _paths(problem, cost, start)
-        shortest, lengths = start.copy(), np.full(2, length_of(cost, start))
-        self._report(problem, lengths[1], shortest, request)
-        rng = np.random.default_rng(request.seed or 0)
-        # Fewer than four nodes have only one order.
-        done, heat = (0, 0.0) if size > 3 else (most, 0.0)
-        share = 0.0
-        first = True
-        while done < most and not control.stopped and share < 1.0:
-            left = request.left()
-            former = lengths[1]
-            chunk = 0 if first else min(_CHUNK, most - done)
-            draws = rng.random((chunk, DRAWS))
-            ahead = min(1.0, share + chunk / most)
-            arguments = (
-                state,
-                shortest,
-                lengths,
-                heat * (1 - share),
-                heat * (1 - ahead),
-                draws,
-                first,
-            )
-            try:
-                anneal(*arguments, control.flag)
-            except OutOfTime:  # its loops could not be compiled in time
-                control.stop(Limit.TIME)
-            if first:
-                heat = _HOT * min(lengths[1], problem.missing) / size
-            done, first = done + chunk, False
-            share = done / most
-            if left is not None and request.time_limit:
-                share = max(share, 1.0 - left / request.time_limit)
-            if lengths[1] < former:
-                lengths[1] = length_of(cost, shortest)
-                self._report(problem, lengths[1], shortest, request)
+            shortest = np.array(request.warm_start.order, np.int64)
+        self._report(problem, cost, shortest, request)
+        try:
+            # Fewer than four nodes have only one order.
+            root = root_state(problem, cost, control.flag) if size > 3 else None
+            if root is not None:
+                # All paths have the same sum of dual values, but these costs show which arcs are short.
+                cheap = cost - root.row[0][:, None] - root.column[0]
+                other = nearest_available(problem, cheap)
+                if length_of(cost, other) < length_of(cost, shortest):
+                    shortest = other
+                    self._report(problem, cost, shortest, request)
+                done = self._search(problem, cost, cheap, shortest, request)
+        except OutOfTime:  # its loops could not be compiled in time
+            control.stop(Limit.TIME)
         value = length_of(cost, shortest)
         complete = value < problem.missing
         return Answer(
@@ -135,11 +123,42 @@ class ThreeExchange(Backend):
             statistics={"iterations": done},
         )
 
+    def _search(
+        self,
+        model: SequentialOrdering,
+        cost: Floats,
+        cheap: Floats,
+        shortest: Ints,
+        request: Request,
+    ) -> int:
+        """Anneal from the path `shortest`, which is updated, and return the number of iterations."""
+        state, done, share, heat = _paths(model, cheap, shortest), 0, 0.0, 0.0
+        lengths, small = np.full(2, length_of(cheap, shortest)), _SMALL * model.missing
+        most = request.options["iterations"] or _PER_NODE * model.size
+        rng = np.random.default_rng(request.seed or 0)
+        first = True
+        while done < most and not request.control.stopped and share < 1.0:
+            left, former = request.left(), lengths[1]
+            chunk = 0 if first else min(_CHUNK, most - done)
+            draws, ahead = rng.random((chunk, DRAWS)), min(1.0, share + chunk / most)
+            temperatures = heat * (1.0 - share), heat * (1.0 - ahead)
+            anneal(
+                state, shortest, lengths, *temperatures, draws, small, first, request.control.flag
+            )
+            if first:
+                heat = _HOT * min(lengths[1], model.missing) / model.size
+            done, first = done + chunk, False
+            share = done / most
+            if left is not None and request.time_limit:
+                share = max(share, 1.0 - left / request.time_limit)
+            if lengths[1] < former:
+                self._report(model, cost, shortest, request)
+        return done
+
     @staticmethod
-    def _report(
-        problem: SequentialOrdering, value: float, order: NDArray[np.int64], request: Request
-    ) -> None:
-        if value < problem.missing:
+    def _report(model: SequentialOrdering, cost: Floats, order: Ints, request: Request) -> None:
+        value = length_of(cost, order)
+        if value < model.missing:
             request.control.incumbent(value, SequentialOrderingPlan(tuple(order.tolist())))
 
 

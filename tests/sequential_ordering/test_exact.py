@@ -12,6 +12,7 @@ from crosstrack.models.sequential_ordering.orders import OrdersFormulation
 from crosstrack.solvers import Control, Limit, Request
 from crosstrack.solvers.sequential_ordering import exchange_kernels, level_kernels
 from crosstrack.solvers.sequential_ordering.bounded_levels import BoundedLevels, _Search
+from crosstrack.solvers.sequential_ordering.level_kernels import new_states
 from crosstrack.solvers.sequential_ordering.three_exchange import (
     ThreeExchange,
     _paths,
@@ -139,7 +140,7 @@ def test_the_local_search_keeps_the_relation_and_the_length():
         shortest, lengths = order.copy(), np.full(2, length_of(cost, order))
         draws = np.random.default_rng(seed).random((50, exchange_kernels.DRAWS))
         flag = np.zeros(1, np.int8)
-        exchange_kernels.anneal.py_func(state, shortest, lengths, 3.0, 0.0, draws, True, flag)
+        exchange_kernels.anneal.py_func(state, shortest, lengths, 3.0, 0.0, draws, 1e-9, True, flag)
         for path, length in ((state.path, lengths[0]), (shortest, lengths[1])):
             found = model.verify(SequentialOrderingPlan(tuple(path.tolist())))
             assert found.ok, (seed, found)
@@ -154,7 +155,7 @@ def test_compiled_kernels_equal_their_plain_versions():
     waits = np.ascontiguousarray(model.closure[1:].any(axis=0))
     flag, results = np.zeros(1, np.int8), []
     for plain in (True, False):
-        root, children = search._level(1), search._level(64)
+        root, children = new_states(12, 1), new_states(12, 64)
         table = np.empty(256, np.int32)
         first, second = level_kernels.assign_root, level_kernels.expand
         if plain:
@@ -175,7 +176,7 @@ def test_the_assignment_bound_equals_scipy():
     for seed in range(20):
         model = generate_ordering(20, 100, 10, seed)
         search = _Search(model, Request(options={"width": 0}))
-        root = search._level(1)
+        root = new_states(20, 1)
         waits = np.ascontiguousarray(model.closure[1:].any(axis=0))
         level_kernels.assign_root(search.cost, model.missing, waits, root, np.zeros(1, np.int8))
         cost = search.cost[:-1, 1:].copy()

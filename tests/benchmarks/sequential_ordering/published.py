@@ -62,7 +62,7 @@ def main() -> None:
     compile_always()
     measured(generate_ordering(12, 9, 9, 0), 16)
     rows = [
-        [name, value, *measured(ct.load(Path(PUBLIC / f"{name}.sop")), 16384)]
+        [name, value, *measured(ct.load(Path(PUBLIC / f"{name}.sop")), 4096)]
         for name, value in TSPLIB.items()
         if (PUBLIC / f"{name}.sop").exists()
     ]
@@ -72,7 +72,7 @@ def main() -> None:
     )
     if rows:
         write(
-            "sequential-ordering", "tsplib", __file__, COLUMNS, rows, ("numba",), said.format(16384)
+            "sequential-ordering", "tsplib", __file__, COLUMNS, rows, ("numba",), said.format(4096)
         )
     similar = []
     for (n, most, share), value in SOPLIB.items():

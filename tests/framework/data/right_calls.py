@@ -34,6 +34,7 @@ position, push = phase.state("position", initial=0, final=1), phase.control("pus
 phase.dynamics({position: push})
 builder_of_control.minimise(phase.integral(push**2))
 control = builder_of_control.build()
+ordering = m.SequentialOrdering([[0, 1], [None, 0]], precedence=[[0, 1]], ids=("a", 1))
 errand = m.ResourceRouting(
     ["start", "end"], [m.Resource("fuel", 1.0)], 0, 1, [[0, 0], [1, 2]], [[0, 1]]
 )
@@ -64,6 +65,7 @@ def plans() -> None:
     assert_type(ct.solve(allocation).plan, m.Trajectory | None)
     assert_type(ct.solve(control).plan, m.ControlPlan | None)
     assert_type(ct.solve(errand).plan, m.Route | None)
+    assert_type(ct.solve(ordering).plan, m.SequentialOrderingPlan | None)
     assert_type(ct.solve(slew).plan, m.ControlPlan | None)
     assert_type(ct.solve(sideslip).plan, m.SideslipEstimate | None)
     assert_type(ct.solve(unknown).plan, m.NavigationRuns | None)
