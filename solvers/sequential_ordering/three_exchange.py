@@ -1,8 +1,8 @@
 """``three-exchange``: simulated annealing over local optima of the path-preserving 3-exchange.
 
-Each iteration exchanges two random adjacent segments, repairs the path by the local search of
-:mod:`.exchange_kernels` at the changed arcs, and accepts or reverses the result. The start is the path to the
-nearest available node. Sources: L. M. Gambardella, M. Dorigo, INFORMS Journal on Computing 12, 2000 (exchange);
+Each iteration exchanges random adjacent segments, repairs the path by the local search of :mod:`.exchange_kernels`
+at the changed arcs, and accepts or reverses the result. The start is the path to the nearest available node. The
+costs are the reduced costs of the assignment problem, which change all paths by the same constant. Sources: L. M. Gambardella, M. Dorigo, INFORMS Journal on Computing 12, 2000 (exchange);
 O. Martin, S. W. Otto, E. W. Felten, "Large-step Markov chains for the traveling salesman problem", Complex Systems 5,
 1991 (iterated local search with the acceptance of annealing).
 """
