@@ -27,10 +27,10 @@ TSPLIB = {
 #: Best known values of SOPLIB's R.n.s.p: Gambardella, Montemanni, Weyland, European Journal of Operational Research
 #: 220, 2012; Gouveia, Ruthmair, Computers & Operations Research 63, 2015.
 SOPLIB = {
-    (200, 100, 15): 1792, (200, 1000, 60): 71556, (500, 1000, 1): 1316, (500, 1000, 15): 50725,
-    (500, 1000, 60): 178212, (700, 1000, 30): 134474,
+    (200, 1000, 60): 71556, (200, 100, 15): 1792, (500, 1000, 60): 178212, (500, 1000, 15): 50725,
+    (700, 1000, 30): 134474, (500, 1000, 1): 1316,
 }  # fmt: skip
-SEEDS = (1, 2, 3)
+SEEDS = (1, 2)
 COLUMNS = {
     "instance": "", "published": ".0f", "first plan": ".0f", "its time (s)": ".2f", "search": ".0f",
     "its time (s) ": ".1f", "bound at the start": ".0f", "bound": ".0f", "gap (%)": ".1f", "states": ",.0f",
@@ -67,31 +67,24 @@ def main() -> None:
         if (PUBLIC / f"{name}.sop").exists()
     ]
     said = (
-        "The search is the best of three seeds, its time that of one seed; the bound is that of bounded-levels with at "
+        "The search is the best of two seeds, its time that of one seed; the bound is that of bounded-levels with at "
         "most {} states per level, started with the plan of the search. "
     )
     if rows:
         write(
             "sequential-ordering", "tsplib", __file__, COLUMNS, rows, ("numba",), said.format(4096)
         )
+    note = (
+        "The published value is that of the file R.n.s.p. Ours are other draws by the same rule, so that only the order "
+        "of magnitude is comparable. "
+    )
     similar = []
     for (n, most, share), value in SOPLIB.items():
         values = measured(generate_ordering(n, most, share, 1), 16)
         similar.append([f"n = {n}, s = {most}, p = {share}", value, *values])
         print(similar[-1], flush=True)
-    note = (
-        "The published value is that of the file R.n.s.p. Ours are other draws by the same rule, so that only the order "
-        "of magnitude is comparable. "
-    )
-    write(
-        "sequential-ordering",
-        "similar",
-        __file__,
-        COLUMNS,
-        similar,
-        ("numba",),
-        note + said.format(16),
-    )
+        text = note + said.format(16)
+        write("sequential-ordering", "similar", __file__, COLUMNS, similar, ("numba",), text)
 
 
 if __name__ == "__main__":

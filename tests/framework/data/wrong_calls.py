@@ -20,6 +20,7 @@ m.TimeAllocation([[0]], time_weights=1)  # call-arg
 m.OptimalControlProblem(name=3)  # arg-type
 m.ResourceRouting(["a"], resources=["fuel"])  # list-item
 m.SatelliteSlew(margn=0.1)  # call-arg
+m.SequentialOrdering([[0]], ids=3)  # arg-type
 m.SideslipEstimation(vehicle=3)  # arg-type
 m.UnknownGridNavigation(steps="many")  # arg-type
 m.MixedIntegerProgram(costs=[1.0])  # call-arg
