@@ -52,8 +52,8 @@ def _isolated(model: SequentialOrdering) -> Iterator[Finding]:
         ends = model.arcs[:-1, 1:].any(axis=axis)
         for node in (np.flatnonzero(~ends) + 1 - axis).tolist():
             yield Finding(
-                f"node {model.label(node)} has no possible direct {word}: its finite distances lead to nodes that the "
-                "relation excludes",
+                f"node {model.label(node)} has no possible direct {word}: its arcs are missing, or the relation "
+                "excludes them",
                 where=f"node {model.label(node)}", data={"node": node},
             )  # fmt: skip
 
