@@ -32,7 +32,7 @@ SOPLIB = {
 }  # fmt: skip
 SEEDS = (1, 2)
 COLUMNS = {
-    "instance": "", "published": ".0f", "first plan": ".0f", "its time (s)": ".2f", "search": ".0f",
+    "problem": "", "published": ".0f", "first plan": ".0f", "its time (s)": ".2f", "search": ".0f",
     "its time (s) ": ".1f", "bound at the start": ".0f", "bound": ".0f", "gap (%)": ".1f", "states": ",.0f",
     "time of the bound (s)": ".1f",
 }  # fmt: skip
