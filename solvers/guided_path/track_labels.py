@@ -92,38 +92,35 @@ def _apart(shift: Floats, vehicles: Ints) -> Floats:
 
 def grow(tables: TrackTables, labels: Labels) -> Labels:
     """Return all labels with one more customer, without those that violate a constraint."""
+    stops = tables.following[tables.start[:-1] + labels.counts]
+    may_follow = stops > 0
+    for c, needed in tables.requiring:
+        served = labels.counts[:, needed] >= tables.need[stops[:, c]][:, needed]
+        may_follow[:, c] &= served.all(axis=1)
     parts = []
-    for c in range(len(tables.chains)):
-        stop = tables.following[tables.start[c] + labels.counts[:, c]]
-        open_ = np.flatnonzero(stop > 0)
-        needed = np.flatnonzero(tables.need[list(tables.chains[c])].any(axis=0))
-        served = labels.counts[np.ix_(open_, needed)] >= tables.need[np.ix_(stop[open_], needed)]
-        open_ = open_[served.all(axis=1)]
-        for vehicle in range(tables.fleet):
-            rows = open_
-            if tables.fleet > 1:
-                owner = labels.owner[rows, c]
-                rows = rows[(owner < 0) | (owner == vehicle)]
-            if len(rows):
-                parts.append(_serve(tables, labels, rows, c, vehicle))
-    if not parts:
-        return labels.take(slice(0))
+    for vehicle in range(tables.fleet):
+        fits = may_follow
+        if tables.fleet > 1:
+            fits = may_follow & ((labels.owner < 0) | (labels.owner == vehicle))
+        rows, chains = np.nonzero(fits)
+        parts.append(_serve(tables, labels, rows, chains, vehicle))
     fields = dataclasses.fields(labels)
     return Labels(
         *(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields)
     )
 
 
-def _serve(tables: TrackTables, labels: Labels, rows: Ints, c: int, vehicle: int) -> Labels:
-    """Return the labels `rows` after the service of the next customer of chain `c` by `vehicle`."""
+def _serve(tables: TrackTables, labels: Labels, rows: Ints, chains: Ints, vehicle: int) -> Labels:
+    """Return the labels `rows` after the service of the next customer of each of `chains` by `vehicle`."""
     model, old = tables.model, labels.take(rows)
-    stop = tables.following[tables.start[c] + old.counts[:, c]]
+    each = np.arange(len(rows))
+    stop = tables.following[tables.start[chains] + old.counts[each, chains]]
     here = tables.same[stop]
     counts, at, load, owner = old.counts.copy(), old.at.copy(), old.load, old.owner
-    counts[:, c] += 1
+    counts[each, chains] += 1
     if tables.fleet > 1:
         owner = owner.copy()
-        owner[:, c] = vehicle
+        owner[each, chains] = vehicle
         x = tables.places
         for other in range(tables.fleet):
             behind, before = x[at[:, other]] > x[here], x[at[:, other]] < x[here]
@@ -142,7 +139,7 @@ def _serve(tables: TrackTables, labels: Labels, rows: Ints, c: int, vehicle: int
     ready = old.ready
     if model.windows is not None and model.speed is not None:
         several = tables.fleet > 1
-        came = ready[np.arange(len(rows)), vehicle, stop] if several else (
+        came = ready[each, vehicle, stop] if several else (
             ready + tables.ways[old.at[:, 0], here] / model.speed
         )  # fmt: skip
         begin = np.maximum(came, model.windows[stop, 0])
@@ -214,34 +211,50 @@ def rest_of(tables: TrackTables, labels: Labels) -> Floats:
 
     The vehicle of a chain crosses each piece of the track at least as often as the rest of the chain does. The
     bound takes the maximum over the chains at each piece. It ignores loads and windows, which only exclude
-    tours. On a loop it is the length of the rest of a chain.
+    tours. With a capacity, the crossings must also carry the loads of all chains, see
+    :attr:`.TrackTables.carried`. On a loop the bound is the length of the rest of a chain.
     """
-    firsts, table = tables.rest
     sides = tables.sides
-    several = tables.fleet > 1
     result = np.zeros(len(labels.cost))
-    step = len(result) if sides is None else max(ENTRIES // max(len(sides[1]), 1), 1)
-    for begin in range(0, len(result), max(step, 1)):
-        part = slice(begin, begin + step)
-        counts, at = labels.counts[part], labels.at[part]
-        best: Any = 0
-        for c in range(len(tables.chains)):
-            rows = tables.start[c] + counts[:, c]
-            first, here = firsts[rows], at[:, 0]
-            known = first >= 0
-            if several:
-                owner = labels.owner[part, c]
-                known &= owner >= 0
-                here = at[np.arange(len(at)), np.maximum(owner, 0)]
-            step_to: Any = (
-                tables.ways[here, first] if sides is None else sides[0][here] != sides[0][first]
-            )
-            known = known if sides is None else known[:, None]
-            best = np.maximum(best, table[rows] + step_to * known)
-        result[part] = best if sides is None else best @ sides[1]
-    if several and not tables.free:
+    pieces = 1 if sides is None else max(len(sides[1]), 1)
+    step = max(ENTRIES // (pieces * len(tables.chains)), 1)
+    for begin in range(0, len(result), step):
+        best = _crossings(tables, labels.take(slice(begin, begin + step)))
+        result[begin : begin + step] = best if sides is None else best @ sides[1]
+    if tables.fleet > 1 and not tables.free:
         result = np.maximum(result, tables.ways[labels.at, tables.homes].sum(axis=1))
     return result
+
+
+def _crossings(tables: TrackTables, labels: Labels) -> Any:
+    """Return the least number of crossings of each piece, shape (s, pieces); on a loop a length, shape (s,)."""
+    firsts, table = tables.rest
+    sides, carried, at = tables.sides, tables.carried, labels.at
+    rows = tables.start[:-1] + labels.counts
+    first, here = firsts[rows], at[:, :1]
+    known = first >= 0
+    if tables.fleet > 1:
+        known &= labels.owner >= 0
+        here = np.take_along_axis(at, np.maximum(labels.owner, 0), axis=1)
+    if sides is None:
+        return (table[rows] + tables.ways[here, first] * known).max(axis=1)
+    ahead, now, known = sides[0][first], sides[0][here], known[..., None]
+    best = (table[rows] + ((now != ahead) & known)).max(axis=1)
+    if carried is None:
+        return best
+    loads, flows, limit = carried
+    weight = loads[rows][..., None] * known
+    forth, back = (
+        np.ceil((flow[rows] + weight * way).sum(axis=1) / limit - ROUNDING)
+        for flow, way in zip(flows, (~now & ahead, now & ~ahead), strict=True)
+    )
+    if tables.fleet > 1:
+        return np.maximum(best, forth + back)
+    # Crossings to both sides alternate; the first and the last side determine their difference.
+    start = now[:, 0]
+    more = (1 if tables.goal < 0 else sides[0][tables.goal].astype(int)) - start
+    less = start if tables.goal < 0 else -more
+    return np.maximum(best, np.maximum(2 * forth - more, 2 * back - less))
 
 
 def finish(tables: TrackTables, labels: Labels) -> Floats:

@@ -37,7 +37,9 @@ __all__ = ["TrackSearch"]
 #: Maximum number of customers: distances are a dense matrix.
 MOST = 3000
 #: Width of the first beam, growth factor, and default of the maximum width.
-NARROW, WIDER, WIDEST = 8, 8, 1 << 18
+NARROW, WIDER, WIDEST = 2, 8, 1 << 18
+#: Number of shortest labels per label of the width for which bounds are computed.
+BOUNDED = 16
 #: Relative safety margin of a bound if lengths are rounded.
 SAFE = 1e-12
 
@@ -141,12 +143,18 @@ class _Search:
         """Extend labels layer by layer, and keep at most `width` of them per layer."""
         tables, labels = self.tables, first_label(self.tables)
         layers: list[tuple[Any, Any, Any]] = []
-        dropped = math.inf
+        dropped, total = math.inf, np.full(1, self.bound)
         for _ in range(tables.model.size - 1):
             if self.over:
                 return
             labels = without_dominated(tables, grow(tables, labels))
             self.labels += len(labels.cost)
+            if len(labels.cost) > BOUNDED * width:
+                # The bound of a label is also one for its extensions.
+                kept = np.zeros(len(labels.cost), bool)
+                kept[np.argsort(labels.cost, kind="stable")[: BOUNDED * width]] = True
+                dropped = min(dropped, float(total[labels.parent[~kept]].min()))
+                labels = labels.take(kept)
             total = labels.cost + rest_of(tables, labels)
             useful = total < self.value * (1.0 - SAFE)
             if not useful.all():

@@ -66,6 +66,12 @@ class TrackTables:
         self.need[members] = np.add.reduceat(precede, heads, axis=1, dtype=np.int64)
         for c, chain in enumerate(self.chains):  # the order within the chain needs no test
             self.need[list(chain), c] = 0
+        #: Chains with customers that require other chains, and these chains.
+        self.requiring = [
+            (c, needed)
+            for c, chain in enumerate(self.chains)
+            if len(needed := np.flatnonzero(self.need[list(chain)].any(axis=0)))
+        ]
         self.same = np.argmin(self.ways, axis=1)
         #: Position of each stop, and of the home of each vehicle in the last column, shape (m, n + 2).
         self.goals = np.column_stack(
@@ -116,16 +122,40 @@ class TrackTables:
         firsts, rows = [], []
         sides = self.sides
         for chain in self.chains:
-            stops = [*chain, self.goal] if self.goal >= 0 else [*chain]
+            stops = self._stops(chain)
             if sides is None:
                 steps: Any = self.ways[stops[:-1], stops[1:]]
             else:
                 steps = sides[0][stops[:-1]] != sides[0][stops[1:]]
-            sums = np.cumsum(steps[::-1], axis=0)[::-1]
-            empty = np.zeros((len(chain) + 1 - len(sums), *sums.shape[1:]), sums.dtype)
-            rows.append(np.concatenate([sums, empty]).astype(float if sides is None else np.int16))
+            rows.append(_sums(steps, len(chain) + 1).astype(float if sides is None else np.int16))
             firsts += [*stops, *[-1] * (len(chain) + 1 - len(stops))]
         return np.array(firsts), np.concatenate(rows)
+
+    def _stops(self, chain: tuple[int, ...]) -> list[int]:
+        return [*chain, self.goal] if self.goal >= 0 else [*chain]
+
+    @cached_property
+    def carried(self) -> tuple[Floats, tuple[Floats, Floats], float] | None:
+        """Load per row, load that the rest of each chain carries over each piece to both sides, and its limit.
+
+        The load of a chain is what its served customers contribute, if positive. At each crossing, the loads
+        of all chains sum to at most the capacity minus the load at the start, plus all negative
+        contributions. None without a capacity, and on loops.
+        """
+        model, sides = self.model, self.sides
+        if model.loads is None or model.capacity is None or sides is None:
+            return None
+        loads, forth, back, limit = [], [], [], model.capacity - float(model.loads[0])
+        for chain in self.chains:
+            sums = np.cumsum([0.0, *model.loads[list(chain)]])
+            limit += max(-float(sums.min()), 0.0)
+            loads.append(np.maximum(sums, 0.0))
+            ahead = sides[0][self._stops(chain)]
+            weights = loads[-1][1 : len(ahead), None]
+            forth.append(_sums(weights * (~ahead[:-1] & ahead[1:]), len(sums)))
+            back.append(_sums(weights * (ahead[:-1] & ~ahead[1:]), len(sums)))
+        tables = np.concatenate(forth), np.concatenate(back)
+        return (np.concatenate(loads), tables, limit) if limit > 0 else None
 
     @cached_property
     def latest(self) -> Floats:
@@ -143,3 +173,9 @@ class TrackTables:
                     after = latest[follower] - self.ways[c, follower] / speed
                 latest[c] = min(latest[c], after - takes[c])
         return latest
+
+
+def _sums(steps: Any, rows: int) -> Any:
+    """Return the sum of each step and all later ones, with zeros up to the number of rows."""
+    sums = np.cumsum(steps[::-1], axis=0)[::-1]
+    return np.concatenate([sums, np.zeros((rows - len(sums), *sums.shape[1:]), sums.dtype)])
