@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -206,7 +207,9 @@ def without_dominated(tables: TrackTables, labels: Labels) -> Labels:
     return labels.take(order[kept])
 
 
-def rest_of(tables: TrackTables, labels: Labels) -> Floats:
+def rest_of(
+    tables: TrackTables, labels: Labels, stopped: Callable[[], bool] = lambda: False
+) -> Floats:
     """Return a lower bound on the rest of each tour, in m.
 
     The vehicle of a chain crosses each piece of the track at least as often as the rest of the chain does. The
@@ -219,6 +222,8 @@ def rest_of(tables: TrackTables, labels: Labels) -> Floats:
     pieces = 1 if sides is None else max(len(sides[1]), 1)
     step = max(ENTRIES // (pieces * len(tables.chains)), 1)
     for begin in range(0, len(result), step):
+        if stopped():  # the caller discards the result
+            break
         best = _crossings(tables, labels.take(slice(begin, begin + step)))
         result[begin : begin + step] = best if sides is None else best @ sides[1]
     if tables.fleet > 1 and not tables.free:

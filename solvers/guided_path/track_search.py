@@ -38,6 +38,8 @@ __all__ = ["TrackSearch"]
 MOST = 3000
 #: Width of the first beam, growth factor, and default of the maximum width.
 NARROW, WIDER, WIDEST = 2, 8, 1 << 18
+#: Largest size of all extensions of a layer in bytes; limits the width.
+MEMORY = 200_000_000
 #: Number of shortest labels per label of the width for which bounds are computed.
 BOUNDED = 16
 #: Relative safety margin of a bound if lengths are rounded.
@@ -61,8 +63,8 @@ class TrackSearch(Backend):
     options: ClassVar[Mapping[str, Option]] = {
         "width": Option(
             WIDEST,
-            "largest number of labels with the same number of customers. Beyond it, the search is a heuristic "
-            "with a proven bound.",
+            "largest number of labels with the same number of customers, at most as many as 200 MB hold. Beyond "
+            "it, the search is a heuristic with a proven bound.",
             int,
             lower=1,
         )
@@ -85,7 +87,7 @@ class TrackSearch(Backend):
         if request.warm_start is not None:
             checked = problem.verify(request.warm_start)
             search.offer(checked.objective if checked.ok else None, request.warm_start)
-        width, widest = NARROW, request.options.get("width", WIDEST)
+        width, widest = NARROW, min(request.options.get("width", WIDEST), search.widest)
         while not search.over:
             search.sweep(min(width, widest))
             if width >= widest:
@@ -119,6 +121,15 @@ class _Search:
         self.bound = float(rest_of(tables, first_label(tables))[0]) * (1.0 - SAFE)
         self.limit: Limit | None = None
         self.control.prove(self.bound)
+
+    @property
+    def widest(self) -> int:
+        """Largest width whose extensions fit the memory."""
+        tables = self.tables
+        chains, several = len(tables.chains), tables.fleet > 1 and tables.model.windows is not None
+        times = tables.fleet * (tables.model.size + 1) if several else 1
+        size = chains * tables.fleet * (3 * chains + 12 * tables.fleet + 8 * times + 40)
+        return max(MEMORY // size, NARROW)
 
     @property
     def is_close(self) -> bool:
@@ -155,7 +166,9 @@ class _Search:
                 kept[np.argsort(labels.cost, kind="stable")[: BOUNDED * width]] = True
                 dropped = min(dropped, float(total[labels.parent[~kept]].min()))
                 labels = labels.take(kept)
-            total = labels.cost + rest_of(tables, labels)
+            total = labels.cost + rest_of(tables, labels, lambda: self.over)
+            if self.over:
+                return
             useful = total < self.value * (1.0 - SAFE)
             if not useful.all():
                 labels, total = labels.take(useful), total[useful]
