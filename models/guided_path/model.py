@@ -42,26 +42,26 @@ class GuidedPathTour(GuidedPathData):
     ids : sequence of int or str, optional
         Names of the start and the customers.
     end : None, "free" or float
-        End of the tour: the start, the last customer, or a coordinate in m.
+        End of the tour: the start, the last customer, or a coordinate in metres.
     loads : ndarray, shape (n + 1,), optional
         Load at the start (entry 0) and the signed change at each customer, in any unit. The load must
         stay in 0 … `capacity`. With several vehicles, each one starts with entry 0.
     capacity : float, optional
         Largest load; None for no limit.
     speed : float, optional
-        Speed in m/s. It determines times; windows need it.
+        Speed in metres per second. It determines times; windows need it.
     service : ndarray, shape (n + 1,), optional
-        Duration of service in s; entry 0 before the departure.
+        Duration of service in seconds; entry 0 before the departure.
     windows : ndarray, shape (n + 1, 2), optional
-        Earliest and latest begin of service in s; infinity (null in JSON) for no latest time.
+        Earliest and latest begin of service in seconds; infinity (null in JSON) for no latest time.
         The vehicle may wait. Row 0: earliest begin at the start, and latest time at the end of the tour.
         Windows are constraints; the objective remains the length.
     track : "line", Track or dict
-        ``{"loop": length}`` (m): coordinates are distances from the origin of the loop, and the vehicle
+        ``{"loop": length}`` in metres: coordinates are distances from the origin of the loop, and the vehicle
         takes the shorter way. ``{"tree": edges, "at": edge of each stop}``: edges are triples of two nodes
-        from 0 and a length in m, and coordinates are distances from the first node of the edge.
+        from 0 and a length in metres, and coordinates are distances from the first node of the edge.
     vehicles : ndarray, shape (m,), optional
-        Starts of all vehicles on the line in ascending order, in m, the first at ``coordinates[0]``. They
+        Starts of all vehicles on the line in ascending order, in metres, the first at ``coordinates[0]``. They
         cannot pass one another, and each returns to its start. A chain is served by one vehicle. The
         objective is the total length, including the ways on which a vehicle makes room for another one.
 
