@@ -61,6 +61,8 @@ SAMPLES, TENTH = 24, 10
 EARLY, FOREVER = 150_000, 1 << 62
 #: Expansions between updates of incumbent and gap.
 CHUNK = 20_000
+#: Maximum number of crossings that the bounds of these expansions compare, about 0.1 s.
+SCANNED = 300_000_000
 #: Width of the first beam, growth factor of the width, and maximum width.
 NARROW, WIDER, WIDEST = 16, 2, 1 << 15
 #: Capacity of a beam per unit of its width, and maximum size of its trace and of its
@@ -201,12 +203,12 @@ class _Search:
         if not self.over:
             start = np.array([[*[0] * (len(self.tables.first) - 1), self.tables.place[-1]]])
             samples = start if large else self.search(EARLY)
-            shares = None
             if not self.over and self.limit is None:
                 shares = shares_of(self.tables, self.best, samples, self.control.flag)
-            if shares is not None:
-                self.take(shares)
-                self.search(FOREVER)
+                if shares is not None:
+                    self.take(shares)
+                if shares is not None or large:
+                    self.search(FOREVER)
         while not self.over and (self.merge() or self.look()):
             self.limit = self.limit or Limit.MEMORY
 
@@ -321,6 +323,9 @@ class _Search:
         width = (self.best - self.root) // BUCKETS + 1
         buckets = np.empty((self.best - self.root) // width + 1, np.int32)
         status = None
+        chunk = int(
+            np.clip(SCANNED // (self.tables.first.size * self.tables.wide.size + 1), 20, CHUNK)
+        )
         while not self.over and (status is None or self.info[kernels.EXPANDED] < steps):
             if status == kernels.FULL:
                 if room == limit:
@@ -336,10 +341,10 @@ class _Search:
             )
             shared = (self.tables, self.shares, states)
             if status is None:
-                status = kernels.search_anew(*shared, self.best, CHUNK, self.control.flag)
+                status = kernels.search_anew(*shared, self.best, chunk, self.control.flag)
             else:
                 self.info[kernels.BEST] = min(self.info[kernels.BEST], self.best)
-                status = kernels.search_on(*shared, CHUNK, self.control.flag)
+                status = kernels.search_on(*shared, chunk, self.control.flag)
             del states, shared  # the arrays may be resized
             if self.info[kernels.BEST] < self.best:
                 self.best = int(self.info[kernels.BEST])
@@ -352,7 +357,8 @@ class _Search:
                 least = self.root + int(self.info[kernels.LOWEST]) * width
                 self.least = max(self.least, min(least, self.best))
             self.control.bound = self.bound
-            if status == kernels.PAUSED and self.info[kernels.EXPANDED] >= HARD and not self.over:
+            hard = len(self.kept) > MANY or self.info[kernels.EXPANDED] >= HARD
+            if status == kernels.PAUSED and hard and not self.over:
                 self.merge()
             beamed = self.width * WIDER * len(self.kept)
             behind = SHARE * beamed <= self.info[kernels.EXPANDED]

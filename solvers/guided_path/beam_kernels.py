@@ -28,6 +28,8 @@ __all__ = ["CLASSES", "beam"]
 Ints = NDArray[np.int64]
 Links = NDArray[np.int32]
 
+#: Number of chains above which an update of the bound is faster than its computation from all chains.
+MANY = 64
 #: Number of rank classes for the selection of the best states.
 CLASSES = 1024
 
@@ -176,8 +178,9 @@ def beam(
             if group == limit:
                 quota -= 1
             # The slot of the state is free for its first successor.
-            for gap in range(groups):
-                mine[gap] = maxima[former, gap]
+            if chains > MANY:
+                for gap in range(groups):
+                    mine[gap] = maxima[former, gap]
             for there in neighbours(tables, counts, here):
                 if there < 0:
                     continue
@@ -186,9 +189,12 @@ def beam(
                 done = layer + serve(tables, then, there)
                 farther = way + abs(at[there] - at[here])
                 room = int(free[free[0]]) if free[0] > 0 else len(keys)
-                for gap in range(groups):
-                    maxima[room, gap] = mine[gap]
-                lower = rest_after(tables, counts, then, here, there, bound, maxima[room])
+                if chains > MANY:
+                    for gap in range(groups):
+                        maxima[room, gap] = mine[gap]
+                    lower = rest_after(tables, counts, then, here, there, bound, maxima[room])
+                else:
+                    lower = rest_by_gaps(tables, then, there, maxima[room])
                 rest = rest_with_shares(tables, shares, then, there, lower)
                 if farther + rest >= best:
                     continue

@@ -44,7 +44,7 @@ def path_length(tables: Tables, stops: Ints, before: int, after: int) -> int:
         there = at[place[stops[i]]]
         way += abs(there - here)
         here = there
-    return way + abs(here - at[after])
+    return int(way + abs(here - at[after]))
 
 
 @kernel
@@ -159,7 +159,7 @@ def _insert(
     while i < count:
         result[i + j] = rest[i]
         i += 1
-    return (kept + 1) * (size + 1)
+    return int((kept + 1) * (size + 1))
 
 
 @kernel

@@ -6,6 +6,8 @@ lengths and one byte per state, so that a merge of two chains of 10,000 customer
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +21,7 @@ Bytes = NDArray[np.uint8]
 
 @kernel
 def merge_two(
-    start: float, end: float, base: NDArray[np.float64], chain: NDArray[np.float64], before_base: Ints,
+    start: float, end: float, base: NDArray[Any], chain: NDArray[Any], before_base: Ints,
     before_chain: Ints, far: float, moves: Bytes, merged: Bytes, flag: NDArray[np.int8],
 ) -> bool:  # fmt: skip
     """Merge two chains into a shortest path from `start` to `end`; return whether it finished.

@@ -32,6 +32,8 @@ MOST, ENTRIES, ALL_ENTRIES = 6, 25_000_000, 45_000_000
 FIRST, LEAST, WORK = 400, 2, 3e8
 #: Maximum number of shares times steps, with the small groups: sorting them takes about 10 s.
 SORTED = 1e8
+#: Maximum number of shares.
+MOST_SHARES = 4_000_000
 #: Initial target for the relative increase of the bound, and number of steps without progress
 #: before it
 #: is reduced, for small and for final groups; relative target at which the ascent ends.
@@ -47,7 +49,7 @@ def no_shares(tables: Tables) -> Shares:
 
 
 def shares_of(tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8]) -> Shares | None:
-    """Return the groups with the greatest bound found; None if `flag` stopped the ascent.
+    """Return the groups with the greatest bound found; None if `flag` stopped it, or for too many shares.
 
     Parameters
     ----------
@@ -62,6 +64,8 @@ def shares_of(tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8]) 
     alone = np.array([np.abs(np.diff(row)).sum() for row in rows])
     groups = _group_chains(np.diff(tables.first), alone)
     parts = [part for group in groups for part in np.array_split(group, max(len(group) // 2, 1))]
+    if len(parts) * tables.length.size > MOST_SHARES:
+        return None
     ascent = _Ascent(tables, parts, best, samples, flag)
     lengths = np.tile(tables.length / len(parts), (len(parts), 1))
     steps = int(np.clip(SORTED / max(lengths.size, 1), LEAST, FIRST))
