@@ -77,8 +77,8 @@ def execute(
     try:
         result = claim(job, listener=listener, on_prepare=on_prepare, control=control)
     finally:
-        if hasattr(control.oracle, "close"):
-            control.oracle.close()
+        if close := getattr(control.oracle, "close", None):
+            close()
     if isinstance(job.backend, Backend) and not is_ours(job.backend):
         job, result = _as_asked(job, asked, result)
     with on_interrupt(partial(control.stop, Limit.INTERRUPTED)):  # the point is verified
