@@ -194,7 +194,7 @@ def beam(
                         maxima[room, gap] = mine[gap]
                     lower = rest_after(tables, counts, then, here, there, bound, maxima[room])
                 else:
-                    lower = rest_by_gaps(tables, then, there, maxima[room])
+                    lower = rest_by_gaps(tables, then, there, mine)
                 rest = rest_with_shares(tables, shares, then, there, lower)
                 if farther + rest >= best:
                     continue
