@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from .functions import Named as Named, PythonFunction as PythonFunction
     from .model import BlackBoxMinimisation as BlackBoxMinimisation
     from .plan import BlackBoxPoint as BlackBoxPoint
-    from .variables import Condition as Condition, Variable as Variable
     from .waypoints import (
         WaypointPath as WaypointPath,
         as_grid_plan as as_grid_plan,

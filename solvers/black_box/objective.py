@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,6 @@ from ..contract.backend import Request
 from .archive import Archive
 from .constraints import PARTS, Constraints
 from .sampling import latin_hypercube
-
-if TYPE_CHECKING:
-    from .native import BlackBoxBackend
 
 __all__ = ["Ended", "Objective"]
 
@@ -202,7 +199,7 @@ class Objective:
         front = None if self.archive is None else tuple(map(tuple, self.archive.x.tolist()))
         return BlackBoxPoint(tuple(self.x.tolist()), front)
 
-    def search_in_parts(self, search: BlackBoxBackend) -> Mapping[str, Any]:
+    def search_in_parts(self, search: Any) -> Mapping[str, Any]:
         """Run a search that uses the size of values; with constraints in parts with fixed multipliers."""
         if not self.constraints.scales.size:
             return search.search(self)
@@ -300,7 +297,7 @@ class Objective:
             self._ahead += len(points)
             self.control.start(points)
 
-    def run_stage(self, share: float, search: BlackBoxBackend, **options: Any) -> None:
+    def run_stage(self, share: float, search: Any, **options: Any) -> None:
         """Run a search from the best point until a share of the evaluations or the time is used.
 
         Parameters
@@ -327,7 +324,7 @@ class Objective:
             self.counts[search.name] = begin - self.left
             self.left, self._share, self._reserve = self.left + reserve, 1.0, 0
 
-    def continue_with(self, search: BlackBoxBackend, **options: Any) -> Mapping[str, Any]:
+    def continue_with(self, search: Any, **options: Any) -> Mapping[str, Any]:
         """Run a search from the best point, with its default options except for `options`."""
         self.options = search.checked_options(options)
         if self.x is not None:

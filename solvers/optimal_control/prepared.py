@@ -60,7 +60,7 @@ _WARM_IPOPT = {
 
 
 class PreparedSolver:
-    """Problem on a fixed mesh that is solved for other data by a call; created by :func:`prepare`.
+    """Problem on a fixed mesh that is solved for other data by a call; created by :func:`crosstrack.prepare`.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class PreparedSolver:
     request : Request
         Tolerance and options of the backend.
     structured : bool, optional
-        Use of the structured method, see :func:`prepare`.
+        Use of the structured method, see :func:`crosstrack.prepare`.
 
     Attributes
     ----------

@@ -10,8 +10,9 @@ from black_box.searches import box
 import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.models import BlackBoxMinimisation, Model
-from crosstrack.models.black_box import BlackBoxPoint, Variable
+from crosstrack.models.black_box import BlackBoxPoint
 from crosstrack.models.black_box.fronts import hypervolume, non_dominated
+from crosstrack.models.black_box.variables import Variable
 
 UNIT = ((0, 1), (0, 1))
 COLOURS = {"type": "category", "values": ["red", "green", "blue"]}

@@ -195,7 +195,7 @@ def test_wheel_holds_the_packages_and_nothing_else(wheel, checkout):
     info = {name for name in held if ".dist-info/" in name}
     assert held - info == expected
     assert {"entry_points.txt", "LICENSE"} <= {name.rpartition("/")[2] for name in info}
-    assert wheel.stat().st_size < 2.5e6  # 1.9 MB; 3.5 MB with the weights
+    assert wheel.stat().st_size < 2.8e6  # 2.6 MB; 4.2 MB with the weights
 
 
 def test_source_distribution_holds_the_wheel_and_the_files_to_build_it(distributions, wheel):
@@ -208,7 +208,7 @@ def test_source_distribution_holds_the_wheel_and_the_files_to_build_it(distribut
     expected |= {"CHANGELOG.md", "CITATION.cff", "LICENSE", "MANIFEST.in", "PKG-INFO", "README.md"}
     expected |= {"constraints.txt", "pyproject.toml", "setup.cfg", "setup.py"}
     assert {name for name in held if not name.startswith("crosstrack.egg-info/")} == expected
-    assert source.stat().st_size < 2.5e6
+    assert source.stat().st_size < 2.8e6
 
 
 def test_weights_are_a_distribution_of_their_own(distributions, installed, run_python, tmp_path):
