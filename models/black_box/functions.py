@@ -219,9 +219,12 @@ class _Path(Spec):
     """Path of a file."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> str:
-        return Text().coerce(
+        path = Text().coerce(
             name, os.fspath(value) if isinstance(value, os.PathLike) else value, sizes
         )
+        if "\0" in path:
+            raise InvalidData(f"{name} must be a path, got {show(path)}", field=name)
+        return path
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -203,6 +203,7 @@ def test_closures_and_lambdas_reach_worker_processes():
         ({"on_error": "ignore"}, "on_error must be one of raise, skip, got 'ignore'", "on_error"),
         ({"on_error": None}, "on_error must be one of raise, skip", "on_error"),
         ({"record": 3}, "record must be a string, got 3", "record"),
+        ({"record": "a\0b"}, "record must be a path, got ", "record"),
     ],
 )  # fmt: skip
 def test_rejects_unsuitable_options(options, message, field):
@@ -425,6 +426,22 @@ def test_rejects_damaged_records(tmp_path, text, message):
         boxed(bowl, record=path).oracle()
     assert caught.value.field == "record" and str(path) in str(caught.value)
     assert path.read_text() == text + "\n"
+
+
+@pytest.mark.parametrize("text", ["hello", "{}", f"{LINE}\nhello", "\0\n\1"])
+def test_keeps_a_file_that_is_no_record(tmp_path, text):
+    path = tmp_path / "notes"
+    path.write_text(text)
+    with pytest.raises(InvalidData, match="line 1"):
+        boxed(bowl, record=path).oracle()
+    assert path.read_text() == text
+
+
+def test_replaces_an_incomplete_header(tmp_path):
+    path = tmp_path / "run.jsonl"
+    path.write_text(HEADER[:40])
+    boxed(bowl, record=path).oracle().close()
+    assert path.read_text() == HEADER + "\n"
 
 
 def test_rejects_a_record_that_cannot_be_opened(tmp_path):
