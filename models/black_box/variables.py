@@ -236,7 +236,8 @@ class Layout:
         for entry in when.among:
             value = labels.index(entry) if entry in labels else entry
             indices = not any(isinstance(label, float) for label in labels) or entry in labels
-            if isinstance(value, str) or not indices or not (low <= value <= high):
+            whole = not isinstance(value, str) and float(value).is_integer()
+            if not (whole and indices and low <= value <= high):
                 allowed = ", ".join(map(repr, labels)) or f"{low:g} … {high:g}"
                 raise InvalidData(
                     f"{where}.in must hold values of variable {when.variable} within its bounds ({allowed}), "

@@ -45,6 +45,7 @@ def test_new_fields_keep_the_old_digests_and_files():
         ({"variables": ["real", "integer"], "bounds": [[0, 1], [0, 1e17]]}, "whole numbers up to 2.53", "bounds"),
         ({"variables": ["real", COLOURS], "bounds": [[0, 1], [0, 3]]}, "whole numbers from 0 to 2, got", "bounds"),
         ({"variables": ["real", {"when": {"variable": 0, "in": [1]}}]}, r"variables\[1\].when.variable must be the index of an integer or a category, got 0", "variables"),
+        ({"variables": ["integer", {"when": {"variable": 0, "in": [0.5]}}]}, r"values of variable 0 .* got 0.5", "variables"),
         ({"variables": ["integer", {"when": {"variable": 9, "in": [1]}}]}, "got 9", "variables"),
         ({"variables": ["integer", {"when": {"variable": 0, "in": [7]}}]}, r"values of variable 0 within its bounds \(0 … 1\), got 7", "variables"),
         ({"variables": [{**COLOURS, "values": ["a", "b"]}, {"when": {"variable": 0, "in": ["c"]}}]}, r"\('a', 'b'\), got 'c'", "variables"),
