@@ -14,7 +14,7 @@ from ...errors import BackendBroken, CrosstrackError, InvalidData, UnsupportedFo
 from ...models.black_box.model import BlackBoxMinimisation
 from ...models.black_box.plan import BlackBoxPoint
 from ...models.records import given
-from ..contract.backend import Answer, Backend, Control, Limit, Request
+from ..contract.backend import Answer, Backend, Control, Feature, Limit, Request
 from ..contract.job import Job
 from ..contract.limits import limits_of
 from .native import Ended
@@ -74,10 +74,10 @@ class _Exchange:
 
     def close(self, control: Control) -> None:
         """End the search at its next request."""
+        control.stop(Limit.INTERRUPTED)
         with self.changed:
             self.closed = True
             self.changed.notify_all()
-        control.stop(Limit.INTERRUPTED)
 
 
 class AskTell:
@@ -121,7 +121,7 @@ class AskTell:
         self._name, self._dimension = backend.name, model.dimension
         backend.prepare()
         request = Request(
-            seed=job.seed, evaluations=job.evaluations, target=job.target, warm_start=job.warm_start,
+            seed=job.seed if Feature.SEED in backend.features else None, evaluations=job.evaluations, target=job.target, warm_start=job.warm_start,
             options=backend.checked_options(job.backend_options), control=control,
         )  # fmt: skip
         arguments = backend, model.blinded(), request

@@ -55,6 +55,18 @@ def test_ask_and_tell_gives_the_plan_of_a_run(name):
         assert model.verify(asking.best).objective == asking.value
 
 
+@pytest.mark.parametrize("name", EVERY)
+def test_ask_and_tell_gives_the_plan_of_a_run_with_constraints(name):
+    def function(x):
+        return [float(((x - 0.3) ** 2).sum()), 0.4 - x[0]]
+
+    fields = {"inequalities": 1, "budget": 60}
+    with ct.prepare(BlackBoxMinimisation(None, SQUARE, **fields), name, seed=1) as asking:
+        conduct(asking, lambda xs: [function(x) for x in xs])
+    answer = ct.solve(box(function, *SQUARE, **fields), name, seed=1)
+    assert asking.best == answer.plan and asking.value == answer.primal_bound
+
+
 def test_a_generation_is_asked_for_at_once():
     with ct.prepare(EMPTY, "random-search", seed=1) as asking:
         assert asking.ask().shape == (70, 2) and asking.best is None and asking.value == math.inf
