@@ -69,8 +69,6 @@ class Objective:
         Number of points without a value.
     counts : dict of str to int
         Evaluations of each stage.
-    history : list of (ndarray, ndarray)
-        Points of the unit cube and their values, if at most :data:`_REMEMBERED` are possible.
     """
 
     def __init__(self, problem: BlackBoxMinimisation, request: Request) -> None:
@@ -94,7 +92,8 @@ class Objective:
         self.target = request.target
         self._ahead, self._parallel = 0, 0
         self.counts: dict[str, int] = {}
-        self.history: list[tuple[Floats, Floats]] = []
+        #: Points of all variables and their columns, if at most ``_REMEMBERED`` are possible.
+        self._history: list[tuple[Floats, Floats]] = []
         self.x: Floats | None = None
         self.constraints = Constraints(problem)
         self.archive: Archive | None = None
@@ -151,13 +150,21 @@ class Objective:
         Ended
             The run must end; the evaluations up to then are counted.
         """
-        values = self.at(self.point(unit))
-        self._remember(unit, values)
-        return values
+        return self.at(self.point(unit))
 
-    def _remember(self, unit: Floats, values: Any) -> None:
+    def _remember(self, points: Floats, table: Floats) -> None:
         if self.granted <= _REMEMBERED:
-            self.history.append((np.atleast_2d(unit).copy(), np.atleast_1d(values)))
+            self._history.append((points, table))
+
+    def earlier(self) -> tuple[Floats, Floats]:
+        """Return the evaluated points of the unit cube and their values, none for a large number of evaluations.
+
+        With constraints, the values are those that the present search receives, not those of earlier searches.
+        """
+        if not self._history:
+            return np.empty((0, self.dimension)), np.empty(0)
+        points, table = map(np.vstack, zip(*self._history, strict=True))
+        return np.clip(self.unit(points), 0.0, 1.0), self.constraints.merit(points, table)
 
     def at(self, points: Floats) -> Floats:
         """Return the values at points of all variables, shape (m, d); see :meth:`__call__`."""
@@ -179,6 +186,7 @@ class Objective:
                 table[done : done + len(answers)] = self._count(x[done:], answers)
                 done += len(answers)
         self._ahead = max(self._ahead - done, 0)
+        self._remember(x[:done], table[:done])
         if self.archive is not None and self.archive.add(
             x[:done],
             table[:done, : self.problem.objectives],
@@ -255,6 +263,7 @@ class Objective:
             value = math.inf
             self.missing += 1
         self.left -= 1
+        self._remember(points, np.array([[value]]))
         self._ahead = max(self._ahead - 1, 0)
         if value < self.best:
             self._improve(value, points[0], self.granted - self._reserve - self.left)

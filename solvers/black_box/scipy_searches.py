@@ -33,10 +33,20 @@ _POPULATION = 10**7
 _MEMORY = 2**29
 
 
-def _one(objective: Objective) -> Callable[[Floats], float]:
-    """Return the objective at one point, with finite values."""
+def _one(
+    objective: Objective, known: dict[bytes, float] | None = None
+) -> Callable[[Floats], float]:
+    """Return the objective at one point, with finite values.
+
+    The start, and points with a known value, are not evaluated at their first request.
+    """
+    known = {} if known is None else known
+    if objective.start is not None and objective.x is not None and objective.problem.columns == 1:
+        known[objective.start.tobytes()] = objective.best
 
     def value(x: Floats) -> float:
+        if known and x.tobytes() in known:
+            return known.pop(x.tobytes())
         return min(max(float(objective(np.asarray(x)[None])[0]), -_WALL), _WALL)
 
     return value
@@ -178,17 +188,21 @@ class Cobyqa(_SciPy):
         from scipy.optimize import minimize
 
         limits = {"maxfev": _ENDLESS, "maxiter": _ENDLESS, "final_tr_radius": 1e-9}
-        start, objective.start = objective.start, None
+        known: dict[bytes, float] = {}
+        value, start = _one(objective, known), objective.start
+        objective.start = None
         if start is None:
             start = np.full(objective.dimension, 0.5)
         while True:
             # COBYQA does not leave a region without values.
-            if objective.x is None and not np.isfinite(objective(start[None])[0]):
-                start = objective.generator.random(objective.dimension)
-                continue
+            if objective.x is None:
+                known[start.tobytes()] = float(objective(start[None])[0])
+                if not math.isfinite(known[start.tobytes()]):
+                    start = objective.generator.random(objective.dimension)
+                    continue
             with quiet():
                 result = minimize(
-                    _one(objective),
+                    value,
                     start,
                     method="COBYQA",
                     bounds=_cube(objective),

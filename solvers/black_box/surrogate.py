@@ -79,19 +79,20 @@ class _Region:
         self.side, self.failures, self.spread, self.fitted = _START, 0, 1.0, 0
         count = max(min(2 * self.d, objective.granted // 4), 2)
         points = latin_hypercube(self.generator, count, self.d)
-        if objective.start is not None:
-            points[0], objective.start = objective.start, None
+        x, y = objective.earlier()
+        if objective.start is not None and not len(y):
+            points[0] = objective.start
         elif objective.x is None:
             points[0] = 0.5
+        objective.start = None
         discrete = objective.problem.layout.discrete[objective.free]
         #: Share of the cube for each value of a discrete variable, 0 for a real variable.
         self.cells: Floats = (
             discrete / (objective.problem.highs - objective.problem.lows + 1.0)[objective.free]
         )
-        earlier = list(objective.history)
         values = objective(points)
-        self.x = self._canonical(np.vstack([points, *(x for x, _ in earlier)]))
-        self.y = np.concatenate([values, *(y for _, y in earlier)])
+        self.x = self._canonical(np.vstack([points, x]))
+        self.y = np.concatenate([values, y])
         # A region after a converged one starts at its own points.
         self.centre = int(values.argmin() if restarted else self.y.argmin())
 

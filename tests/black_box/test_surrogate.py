@@ -12,8 +12,9 @@ from scipy.optimize import approx_fprime
 import crosstrack as ct
 from crosstrack.models import BlackBoxMinimisation
 from crosstrack.models.black_box import PythonFunction
-from crosstrack.solvers import Control, Limit
+from crosstrack.solvers import Control, Limit, Request
 from crosstrack.solvers.black_box.gaussian_process import GaussianProcess
+from crosstrack.solvers.black_box.objective import Objective
 
 RNG = np.random.default_rng(5)
 
@@ -181,3 +182,26 @@ def test_the_portfolio_leaves_no_worker_idle_with_several_workers(evaluations):
     counts = answer.statistics
     assert "cobyqa" not in counts and "dual-annealing" not in counts
     assert counts["evaluations"] == evaluations and answer.primal_bound < 0.5
+
+
+@pytest.mark.parametrize("name", ["portfolio", "cobyqa", "surrogate-search"])
+def test_no_point_is_evaluated_twice_by_local_models(name):
+    model = box({"name": "rosenbrock", "shift": [0.3, -0.4]}, (-2, 2), (-2, 2), budget=60)
+    _, oracle = search(name, model, seed=1)
+    first = [tuple(x) for x in oracle.points[:25]]
+    assert first[0] == (0.0, 0.0) and len(set(first)) == 25
+
+
+def test_earlier_points_have_the_values_of_the_present_search():
+    """A stage with an augmented Lagrangian must not leave its values to one with feasibility rules."""
+    model = box(lambda x: [x[0], 0.5 - x[0]], (0, 1), inequalities=1, budget=60)
+    control = Control(oracle=Counted(model))
+    objective = Objective(model.blinded(), Request(seed=1, control=control))
+    sample = np.linspace(0, 1, 5)[:, None]
+    objective.constraints.begin(objective.table(objective.point(sample)))
+    objective(sample)
+    objective.constraints.multipliers = None
+    points, values = objective.earlier()
+    np.testing.assert_array_equal(points, np.vstack([sample, sample]))
+    np.testing.assert_array_equal(values[points[:, 0] >= 0.5], points[points[:, 0] >= 0.5, 0])
+    assert (values[points[:, 0] < 0.5] > 1e100).all()
