@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...models.black_box.model import BlackBoxMinimisation
 from ...models.black_box.plan import BlackBoxPoint
-from ..contract.backend import Request
+from ..contract.backend import Limit, Request
 from .archive import Archive
 from .constraints import PARTS, Constraints
 from .sampling import latin_hypercube
@@ -180,7 +180,7 @@ class Objective:
         done = 0
         # A request is a whole generation. The oracle returns after a while with the answers so far, so that the
         # run can stop.
-        while done < len(x) and not self.control.stopped:
+        while done < len(x) and not self._must_end():
             answers = self.control.ask(x[done : done + _MOST], partial=True)
             if len(answers):
                 table[done : done + len(answers)] = self._count(x[done:], answers)
@@ -255,7 +255,7 @@ class Objective:
         control = self.control
         answers = points[:0]
         while not len(answers):
-            if control.stopped:
+            if control.stopped and self._must_end():
                 raise Ended
             answers = control.ask(points, partial=True)
         value = answers.item()
@@ -343,6 +343,11 @@ class Objective:
     def affordable(self, seconds: float) -> int:
         """Return how many of the granted evaluations the time limit allows if each takes `seconds`."""
         return max(int(min(self._seconds / max(seconds, 1e-9), self.granted)), 1)
+
+    def _must_end(self) -> bool:
+        """Return whether the run was stopped; a time limit does not prevent the first evaluation."""
+        first = self.left + self._reserve == self.granted and self.control.reason is Limit.TIME
+        return self.control.stopped and not first
 
     def _used_time(self) -> float:
         """Return the used share of the time limit, 0 without a limit."""

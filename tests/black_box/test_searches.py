@@ -519,3 +519,13 @@ def test_the_portfolio_reports_a_time_limit_that_ends_an_early_stage(monkeypatch
     control.oracle = Counted(model)
     answer = backend.run(model.blinded(), Request(time_limit=0.1, control=control))
     assert answer.limit is Limit.TIME
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_a_time_limit_that_the_start_uses_up_leaves_one_evaluation(name):
+    """The import of a library counts; the run still returns a plan."""
+    control = Control()
+    control.stop(Limit.TIME)
+    answer, oracle = search(name, box("sphere", (1, 2), (1, 2), budget=100), control=control)
+    assert answer.point is not None and answer.limit is Limit.TIME
+    assert 1 <= len(oracle.points) == answer.statistics["evaluations"] <= 100
