@@ -103,9 +103,10 @@ class BlackBoxBackend(Backend):
             message = f"{message}; {lacking}" if message else lacking
         plan = objective.plan()
         if plan is None and problem.columns > 1 and not message:
-            better = " and is better than the reference" if problem.objectives > 1 else ""
+            needs = ["holds all constraints"] * (problem.columns > problem.objectives)
+            needs += ["is better than the reference"] * (problem.objectives > 1)
             points = objective.granted - objective.left
-            message = f"none of {points} points holds all constraints{better}"
+            message = f"none of {points} points {' and '.join(needs)}"
         return Answer(
             Termination.FEASIBLE if plan is not None else Termination.NO_SOLUTION,
             limit,

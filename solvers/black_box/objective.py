@@ -92,7 +92,7 @@ class Objective:
         self.target = request.target
         self._ahead, self._parallel = 0, 0
         self.counts: dict[str, int] = {}
-        #: Points of all variables and their columns, if at most ``_REMEMBERED`` are possible.
+        #: Points of the unit cube and their columns, if at most ``_REMEMBERED`` are possible.
         self._history: list[tuple[Floats, Floats]] = []
         self.x: Floats | None = None
         self.constraints = Constraints(problem)
@@ -150,11 +150,12 @@ class Objective:
         Ended
             The run must end; the evaluations up to then are counted.
         """
-        return self.at(self.point(unit))
+        return self.at(self.point(unit), unit)
 
-    def _remember(self, points: Floats, table: Floats) -> None:
+    def _remember(self, points: Floats, unit: Floats | None, table: Floats) -> None:
         if self.granted <= _REMEMBERED:
-            self._history.append((points, table))
+            unit = self.unit(points) if unit is None else unit.copy()  # searches reuse arrays
+            self._history.append((unit[: len(table)], table))
 
     def earlier(self) -> tuple[Floats, Floats]:
         """Return the evaluated points of the unit cube and their values, none for a large number of evaluations.
@@ -163,17 +164,17 @@ class Objective:
         """
         if not self._history:
             return np.empty((0, self.dimension)), np.empty(0)
-        points, table = map(np.vstack, zip(*self._history, strict=True))
-        return np.clip(self.unit(points), 0.0, 1.0), self.constraints.merit(points, table)
+        unit, table = map(np.vstack, zip(*self._history, strict=True))
+        return np.clip(unit, 0.0, 1.0), self.constraints.merit(unit, table)
 
-    def at(self, points: Floats) -> Floats:
+    def at(self, points: Floats, unit: Floats | None = None) -> Floats:
         """Return the values at points of all variables, shape (m, d); see :meth:`__call__`."""
         if len(points) == 1 and self._is_single and self.left:
-            return np.array([self._at_one(points)])
-        table = self.table(points)
+            return np.array([self._at_one(points, unit)])
+        table = self.table(points, unit)
         return self.constraints.merit(points, table) if table.shape[1] > 1 else table[:, 0]
 
-    def table(self, points: Floats) -> Floats:
+    def table(self, points: Floats, unit: Floats | None = None) -> Floats:
         """Return objectives, inequalities and equalities, infinite for no value, shape (m, columns)."""
         x = points[: self.left]
         table = np.full((len(x), self.problem.columns), np.inf)
@@ -186,7 +187,7 @@ class Objective:
                 table[done : done + len(answers)] = self._count(x[done:], answers)
                 done += len(answers)
         self._ahead = max(self._ahead - done, 0)
-        self._remember(x[:done], table[:done])
+        self._remember(x, unit, table[:done])
         if self.archive is not None and self.archive.add(
             x[:done],
             table[:done, : self.problem.objectives],
@@ -250,7 +251,7 @@ class Objective:
         if ended and (self.control.stopped or not self.left or late):
             raise Ended
 
-    def _at_one(self, points: Floats) -> float:
+    def _at_one(self, points: Floats, unit: Floats | None) -> float:
         """Return the value at one point, without the cost of arrays."""
         control = self.control
         answers = points[:0]
@@ -263,7 +264,7 @@ class Objective:
             value = math.inf
             self.missing += 1
         self.left -= 1
-        self._remember(points, np.array([[value]]))
+        self._remember(points, unit, answers)
         self._ahead = max(self._ahead - 1, 0)
         if value < self.best:
             self._improve(value, points[0], self.granted - self._reserve - self.left)
