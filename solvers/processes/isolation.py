@@ -334,6 +334,8 @@ class Worker:
                 deadline = min(deadline, time.monotonic() + min(grace, 2 * PATIENCE))
                 self._write(number, None)
             event = self._next(deadline)
+            if event is None or event["event"] in ("died", "memory", "claim", "error"):
+                end_oracle(self._oracle)  # before the verification, which may need the same workers
             if event is None:
                 self.close()
                 limit = Limit.INTERRUPTED if stop_requested else Limit.TIME

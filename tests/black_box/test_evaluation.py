@@ -169,6 +169,21 @@ def test_a_search_does_not_wait_for_the_slowest_point_of_a_batch(monkeypatch):
     assert answer.statistics["evaluations"] == 16 and gate.is_set()
 
 
+@pytest.mark.parametrize("isolate", [False, True])
+def test_the_verification_does_not_wait_for_points_that_were_not_requested(isolate):
+    count = [0]
+
+    def call(x):
+        count[0] += 1
+        time.sleep(0.1)
+        return bowl(x)
+
+    with ThreadPoolExecutor(2) as executor:
+        model = boxed(call, 10**4, workers=executor)
+        found = ct.solve(model, "random-search", seed=1, time_limit=1, isolate=isolate)
+    assert found.verification.ok and count[0] < 200  # of 512 that were started
+
+
 @pytest.mark.parametrize(("name", "size"), [("differential-evolution", 16), ("cma-es", 8)])
 def test_generations_are_multiples_of_the_workers(name, size):
     if name == "cma-es":
