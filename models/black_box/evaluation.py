@@ -112,9 +112,7 @@ class Evaluation:
         InvalidData
             The function failed at one of the first `multiple` rows of `points`.
         """
-        if self._error is not None:
-            error, self._error = self._error, None
-            raise error
+        self.raise_error()
         end = clock() + seconds
         rows: list[Row] = []
         if self._pool is not None:
@@ -165,10 +163,14 @@ class Evaluation:
     def all(self, points: Floats) -> Floats:
         """Return the values at all `points`, shape (m, columns)."""
         values = self.part(points)
+        self.raise_error()
+        return values
+
+    def raise_error(self) -> None:
+        """Raise the error that ended the previous request early, if there is one."""
         if self._error is not None:
             error, self._error = self._error, None
             raise error
-        return values
 
     def close(self) -> None:
         """Cancel the evaluations that no worker has begun, and close the record."""

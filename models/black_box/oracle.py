@@ -118,6 +118,8 @@ class Oracle:
 
     def _answer(self, points: Floats, seconds: float) -> Floats:
         model, evaluation = self.model, self._evaluation
+        if evaluation is not None:
+            evaluation.raise_error()
         repeated = self._admitted(points)
         if evaluation is None:
             self.left -= len(repeated)

@@ -169,6 +169,21 @@ def test_a_search_does_not_wait_for_the_slowest_point_of_a_batch(monkeypatch):
     assert answer.statistics["evaluations"] == 16 and gate.is_set()
 
 
+def test_an_error_at_a_point_that_was_started_is_not_an_exceeded_budget():
+    def fragile(x):
+        if x[0] == POINTS[1, 0]:
+            raise ArithmeticError("unstable")
+        return bowl(x)
+
+    with ThreadPoolExecutor(2) as executor:
+        oracle = boxed(fragile, len(POINTS), workers=executor).oracle()
+        oracle.start(POINTS)
+        while not len(oracle.part(POINTS)):
+            pass  # a tenth of a second may be too short on a busy machine
+        with pytest.raises(InvalidData, match="ArithmeticError: unstable"):
+            oracle.part(POINTS[1:])
+
+
 @pytest.mark.parametrize("isolate", [False, True])
 def test_the_verification_does_not_wait_for_points_that_were_not_requested(isolate):
     count = [0]
