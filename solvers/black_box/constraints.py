@@ -53,7 +53,6 @@ class Constraints:
         self.multipliers: Floats | None = None
         self.penalties = np.zeros_like(self.scales)
         self.best: tuple[float, Floats, Floats] | None = None
-        self._previous = np.full_like(self.scales, np.inf)
 
     def excess(self, table: Floats) -> Floats:
         """Return g and |h| - tolerance, at most 0 if a constraint holds, shape (m, constraints)."""
@@ -130,6 +129,8 @@ class Constraints:
             Columns at points of the whole cube.
         """
         self.violation(table)
+        # An earlier search may have ended between two updates.
+        self.best, self._previous = None, np.full_like(self.scales, np.inf)
         objective = table[np.isfinite(table[:, 0]), 0]
         low, high = np.quantile(objective, [0.25, 0.75]) if objective.size else (0.0, 0.0)
         self.multipliers = np.zeros_like(self.scales)

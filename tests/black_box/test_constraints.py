@@ -144,6 +144,16 @@ def test_the_rules_order_points_as_deb():
     np.testing.assert_array_equal(rules.merit(np.zeros((2, 1)), table[2:4]), merit[2:4])
 
 
+def test_a_second_lagrangian_does_not_know_the_best_point_of_the_first():
+    rules = Constraints(box(lambda x: 0, (0, 1), inequalities=1))
+    table = np.array([[0.0, 1.0], [2.0, -1.0], [3.0, -1.0]])
+    rules.begin(table)
+    rules.merit(np.zeros((1, 1)), np.array([[-1e9, -1.0]]))
+    rules.begin(table)
+    rules.merit(np.ones((3, 1)), table)
+    assert rules.best[0] > -10 and rules.best[1].tolist() == [1.0]
+
+
 def test_several_objectives_are_refused_by_name():
     model = box(lambda x: [x[0], 1 - x[0]], (0, 1), objectives=2, reference=[1, 1], budget=50)
     for parameter in EVERY:
