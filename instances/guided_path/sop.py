@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData, UnsupportedFormulation
 from ...files import as_path, write_text
 from ...models.fields import required
-from ...models.guided_path.data import MOST
+from ...models.guided_path.data import MOST_DENSE
 from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ..sections import KeywordFile
@@ -63,7 +63,7 @@ def read_sop(path: str | os.PathLike[str]) -> GuidedPathTour:
         message contains the file, and the nodes if applicable.
     """
     file = as_path(path)
-    matrix, before = read_matrix(file, MOST + 2, "coordinates")
+    matrix, before = read_matrix(file, MOST_DENSE + 2, "coordinates")
     try:
         places = _places(matrix, before)
         relation = _relation(before[1:-1, 1:-1].T)
@@ -225,13 +225,13 @@ def write_sop(model: GuidedPathTour, path: str | os.PathLike[str]) -> Path:
         words.append([*line, back if i else str(way)])
     words.append(["-1"] * (size - 1) + ["0"])
     comment = f"a line of {model.size - 1} customers"
-    return write_text(path, sop_text(model.name or "tour", comment, words))
+    return write_text(path, sop_text(model.name, comment, words))
 
 
 def sop_text(name: str, comment: str, words: list[list[str]]) -> str:
     """Return the text of a file with these entries of the matrix."""
     lines = [
-        f"NAME: {' '.join(name.split())}",
+        f"NAME: {' '.join(name.split()) or 'tour'}",
         "TYPE: SOP",
         f"COMMENT: {comment}",
         f"DIMENSION: {len(words)}",

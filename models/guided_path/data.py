@@ -20,12 +20,13 @@ from .plan import GuidedPathPlan
 from .relation import Chains, chain_cover, closure_of, joined_chains, sorted_customers
 from .track import End, Track, TrackSpec
 
-__all__ = ["MOST", "GuidedPathData"]
+__all__ = ["MOST", "MOST_DENSE", "GuidedPathData"]
 
 
 #: Maximum number of customers.
 MOST = 20_000
-#: Maximum number of customers of :attr:`GuidedPathData.closure`, a dense Boolean matrix of 25 MB.
+#: Maximum number of customers of :attr:`GuidedPathData.closure`, a dense Boolean matrix of 25 MB, and of dense
+#: distances in files.
 MOST_DENSE = 5000
 #: Number of pairs, including implied ones, above which the minimum chain cover takes minutes.
 DENSE = 50_000

@@ -52,7 +52,7 @@ def test_a_random_relation_has_the_given_density():
     ("call", "message"),
     [
         (lambda: generate(0, 5, 1), "chains must be >= 1"),
-        (lambda: generate(10, 501, 1), "length must be <= 500"),
+        (lambda: generate(10, 2001, 1), "length must be <= 2000"),
         (lambda: generate(2, 0, 1), "length must be >= 1"),
         (lambda: generate(2, 2, -1), "seed must be >= 0"),
         (lambda: generate(2, 2, 1, 5, 4), "lowest must be <= highest, 4, got 5"),

@@ -107,6 +107,8 @@ def test_written_files_follow_tsplib(tmp_path):
     ]
     whole = write_sop(GuidedPathTour([0, 10**9, -(10**9)]), tmp_path / "b.sop").read_text()
     assert "0 1000000000 1000000000 20000000000" in whole
+    blank = write_sop(GuidedPathTour([0, 1], name=" "), tmp_path / "c.sop").read_text()
+    assert blank.startswith("NAME: tour\n")
 
 
 @needs_public
