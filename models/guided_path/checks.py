@@ -56,28 +56,30 @@ def verify_tour(model: GuidedPathData, plan: GuidedPathPlan, tolerance: float) -
     if model.loads is not None:
         checks.append(_check_load(model, model.loads, walk, tolerance))
     if model.windows is not None:
-        checks += _check_windows(model, model.windows[walk.stops, 1], walk, tolerance)
+        checks += _check_windows(model, model.windows, walk, tolerance)
     return Verification(float(walk.walked[-1]), tuple(checks))
 
 
 def _check_load(model: GuidedPathData, loads: Floats, walk: Walk, tolerance: float) -> Check:
     """Return the check that the load after each stop is within 0 … capacity."""
-    load = walk.load[:-1]
+    load = walk.load[1:-1]
     capacity = np.inf if model.capacity is None else model.capacity
     return Check.largest(
         "load within 0 … capacity", np.maximum(-load, load - capacity),
         max(float(np.abs(loads).max()), 1e-300), "",
-        lambda k: f"customer {model.label(walk.stops[k])}", tolerance, limit=model.capacity,
+        lambda k: f"customer {model.label(walk.stops[k + 1])}", tolerance, limit=model.capacity,
     )  # fmt: skip
 
 
 def _check_windows(
-    model: GuidedPathData, latest: Floats, walk: Walk, tolerance: float
+    model: GuidedPathData, windows: Floats, walk: Walk, tolerance: float
 ) -> list[Check]:
     """Return the checks of the latest begin of each service and of the end of the tour."""
+    latest = windows[walk.stops, 1]
     late = walk.begin - latest
-    scales = np.where(np.isfinite(latest), np.abs(latest), 0.0)
-    scales = np.where(scales > 0, scales, max(float(scales.max()), 1e-300))
+    # A latest time of 0 determines no scale.
+    whole = max(float(np.abs(windows[np.isfinite(windows)]).max()), 1e-300)
+    scales = np.where(np.isfinite(latest) & (latest != 0), np.abs(latest), whole)
     return [
         Check.largest(
             "begin within the time window", late[1:-1], scales[1:-1], "s",

@@ -36,7 +36,13 @@ def diagnose_fields(
     Diagnosis
         If no plan exists: limits that cannot be satisfied by themselves; otherwise a set of limits that exclude
         every plan together, from which no limit can be removed (deletion filter).
+
+    Raises
+    ------
+    UnsupportedFormulation
+        The model is too large for ``track-search``.
     """
+    TrackSearch().require_support(model)
     ends = time.perf_counter() + (60.0 if time_limit is None else time_limit)
     method = "track-search, and a deletion filter over latest times and loads"
     findings = (*_late(model), *_overloaded(model))
@@ -82,7 +88,7 @@ def _late(model: GuidedPathTour) -> Iterator[Finding]:
         # Another vehicle may serve the predecessor.
         way = ways if tables.fleet == 1 else np.zeros_like(ways)
         begin[c] = max([begin[c], *(begin[a] + takes[a] + way[a, c] for a in before.get(c, ()))])
-        if begin[c] > model.windows[c, 1] * (1 + 1e-9):
+        if begin[c] > tables.limits[c]:
             yield Finding(
                 f"customer {model.label(c)} cannot be served before {begin[c]:.6g} s, its latest time is "
                 f"{model.windows[c, 1]:.6g} s",

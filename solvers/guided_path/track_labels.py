@@ -10,15 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .track_tables import TrackTables
+from .track_tables import ROUNDING, TrackTables
 
 __all__ = ["Labels", "finish", "first_label", "grow", "rest_of", "without_dominated"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Violation that rounding explains, relative to the largest load or to the time.
-ROUNDING = 1e-9
 #: Number of entries of a temporary table of crossings.
 ENTRIES = 4_000_000
 
@@ -144,7 +142,7 @@ def _serve(tables: TrackTables, labels: Labels, rows: Ints, chains: Ints, vehicl
             ready + tables.ways[old.at[:, 0], here] / model.speed
         )  # fmt: skip
         begin = np.maximum(came, model.windows[stop, 0])
-        allowed &= begin <= tables.latest[stop] + ROUNDING * np.abs(begin)
+        allowed &= begin <= tables.latest[stop]
         leave = begin if model.service is None else begin + model.service[stop]
         ready = _ready(tables, ready, stop, vehicle, leave) if several else leave
     new = Labels(counts, at, owner, load, cost, ready, rows, stop, np.full(len(rows), vehicle))
@@ -274,5 +272,4 @@ def finish(tables: TrackTables, labels: Labels) -> Floats:
     if model.windows is None:
         return cost
     time = time if time.ndim == 1 else time[..., -1].max(axis=1)
-    late = time > model.windows[0, 1] + ROUNDING * np.abs(time)
-    return np.where(late, np.inf, cost)
+    return np.where(time > tables.limits[0], np.inf, cost)

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.track import Track
 
-__all__ = ["TrackTables"]
+__all__ = ["ROUNDING", "TrackTables"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+#: Violation that rounding explains, relative to the largest load or to the scale of a time.
+ROUNDING = 1e-9
 
 
 class TrackTables:
@@ -146,6 +149,7 @@ class TrackTables:
         if model.loads is None or model.capacity is None or sides is None:
             return None
         loads, forth, back, limit = [], [], [], model.capacity - float(model.loads[0])
+        limit += ROUNDING * float(np.abs(model.loads).max())
         for chain in self.chains:
             sums = np.cumsum([0.0, *model.loads[list(chain)]])
             limit += max(-float(sums.min()), 0.0)
@@ -158,14 +162,21 @@ class TrackTables:
         return (np.concatenate(loads), tables, limit) if limit > 0 else None
 
     @cached_property
+    def limits(self) -> Floats:
+        """Latest begin at each customer, and of the end in entry 0, with a margin for rounding, in s."""
+        assert self.model.windows is not None
+        late, times = self.model.windows[:, 1], np.abs(self.model.windows)
+        scales = np.where(late == 0, times.max(where=np.isfinite(times), initial=0.0), times[:, 1])
+        return late + ROUNDING * scales
+
+    @cached_property
     def latest(self) -> Floats:
         """Latest begin at each customer so that its chain and the end can follow in time, in s."""
-        windows, service, speed = self.model.windows, self.model.service, self.model.speed
-        assert windows is not None and speed is not None
-        latest = windows[:, 1].copy()
+        service, speed, latest = self.model.service, self.model.speed, self.limits.copy()
+        assert speed is not None
         takes = np.zeros(len(latest)) if service is None else service
         for chain in self.chains:
-            after = windows[0, 1] - (
+            after = self.limits[0] - (
                 self.ways[chain[-1], self.goal] / speed if self.goal >= 0 else 0
             )
             for c, follower in zip(chain[::-1], (None, *chain[:0:-1]), strict=True):

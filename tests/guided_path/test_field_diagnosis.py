@@ -7,6 +7,7 @@ import pytest
 from guided_path.extended import CASES, best_extended, random_extended
 
 import crosstrack as ct
+from crosstrack.errors import UnsupportedFormulation
 from crosstrack.models import GuidedPathTour
 
 
@@ -78,3 +79,9 @@ def test_diagnoses_agree_with_enumeration(fields):
                     relaxed = dataclasses.replace(relaxed, loads=None, capacity=None)
                     assert best_extended(relaxed) < np.inf
     assert excluded
+
+
+def test_models_too_large_for_the_search_are_refused():
+    model = GuidedPathTour(np.arange(3002), loads=np.zeros(3002), capacity=1)
+    with pytest.raises(UnsupportedFormulation, match="3001 customers: at most 3000"):
+        ct.diagnose(model)

@@ -236,3 +236,36 @@ def test_a_larger_tour_has_a_plan_and_a_bound():
     assert 0 < answer.dual_bound <= answer.primal_bound
     assert answer.termination == "feasible"
     assert answer.limit == "memory"
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        # -0.3 + 0.2 + 0.1 > 0 in floating-point numbers.
+        {"coordinates": [0.1, 0.0], "speed": 1.0, "service": [0.2, 0.2],
+         "windows": [[-0.3, 0.4], [0.0, 0.0]]},
+        {"coordinates": [0.1, 0.0], "speed": 1.0, "service": [0.2, 0.0], "end": "free",
+         "windows": [[-0.3, None], [-1.0, 0.0]]},
+        # The last window leaves no time, and its rounding error exceeds 1e-9 of the first one.
+        {"coordinates": [0.0, 0.0, 0.0, 1 / 3], "speed": 0.3, "service": [0.0, 1e-6, 0.0, 3e-6],
+         "precedence": [(2, 3), (1, 3)],
+         "windows": [[0.0, None], [0.0, 0.0], [0.0, 0.0], [1.111112111111111] * 2]},
+        # Only rounding permits the load.
+        {"coordinates": [0, 1, 2], "loads": [0.3, 1e-10, 0], "capacity": 0.1 + 0.2},
+    ],
+)  # fmt: skip
+def test_plans_at_the_limits_are_found_and_verified(fields):
+    model = GuidedPathTour(**fields)
+    answer = run(model)
+    assert answer.termination == "optimal"
+    assert model.verify(answer.point).ok
+    assert answer.dual_bound <= answer.primal_bound
+    assert ct.diagnose(model).feasible
+    tables = TrackTables(model)
+    assert rest_of(tables, first_label(tables))[0] <= answer.primal_bound
+
+
+def test_the_check_of_loads_names_a_customer():
+    model = GuidedPathTour([0, 1, 2], loads=[1, 0, -1], capacity=1, ids=["depot", "a", "b"])
+    (check,) = [c for c in model.verify(GuidedPathPlan((1, 2))).checks if "load" in c.name]
+    assert check.where == "customer a"
