@@ -133,16 +133,22 @@ class _Search:
 
     def __init__(self, model: GuidedPathTour, request: Request) -> None:
         self.model, self.request, self.control = model, request, request.control
+        self.plan: GuidedPathPlan | None = None
+        self.value, self.best = math.inf, 1 << 62
+        self.offer(model.sorted_customers)
+        if request.warm_start is not None:
+            self.offer(request.warm_start.order)
         self.small, numbers = reduced(model)
+        self.large = self.small.size - 1 > MANY
+        if self.large:  # before the tables, which take half a second for 20,000 customers
+            for plan in merged_starts(model, request):
+                self.offer(plan.order)
         self.tables = tables = Tables.of(self.small)
-        self.take(no_shares(tables))
         self.kept = [numbers[c] for c in tables.customers.tolist()]
         #: A customer at each place.
         self.visitors = dict(zip(tables.place[:-1].tolist(), self.kept, strict=True))
         self.info = np.zeros(5, np.int64)
-        self.least = self.root
-        self.plan: GuidedPathPlan | None = None
-        self.value, self.best = math.inf, 1 << 62
+        self.root = self.least = 0
         self.limit: Limit | None = None
         self.rounds: ChainRounds | None = None
         self.merged_value = 0
@@ -189,32 +195,27 @@ class _Search:
 
     def solve(self) -> None:
         """Search until the incumbent is proven or a limit is reached."""
-        if self.request.warm_start is not None:
-            self.start(self.request.warm_start.order)
-        self.start(self.model.sorted_customers)
-        large = len(self.kept) > MANY
-        if large:
-            self._start_merged()
-            if not (self.over or self._tabulate()):
-                self.merge()
+        assert self.plan is not None
+        self.start(self.plan.order)
+        self.take(no_shares(self.tables))
+        self.least = self.root
+        if self.large and not (self.over or self._tabulate()):
+            self.merge()
         self.look()
         if not self.over and LARGE < len(self.kept) <= MANY:
-            self._start_merged()
+            for plan in merged_starts(self.model, self.request):
+                self.start(plan.order)
         if not self.over:
             start = np.array([[*[0] * (len(self.tables.first) - 1), self.tables.place[-1]]])
-            samples = start if large else self.search(EARLY)
+            samples = start if self.large else self.search(EARLY)
             if not self.over and self.limit is None:
                 shares = shares_of(self.tables, self.best, samples, self.control.flag)
                 if shares is not None:
                     self.take(shares)
-                if shares is not None or large:
+                if shares is not None or self.large:
                     self.search(FOREVER)
         while not self.over and (self.merge() or self.look()):
             self.limit = self.limit or Limit.MEMORY
-
-    def _start_merged(self) -> None:
-        for plan in merged_starts(self.model, self.request):
-            self.start(plan.order)
 
     def _tabulate(self) -> bool:
         """Solve the model by dynamic programming; return False if its table does not fit."""

@@ -6,8 +6,9 @@ tour, see :mod:`.chain_kernels`. ``a-star`` uses the same search for its incumbe
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any, ClassVar
 
@@ -48,14 +49,13 @@ HEAT = 3e-4
 STALE = 6
 
 
-def merged_starts(model: GuidedPathTour, request: Request) -> list[GuidedPathPlan]:
-    """Return the tours of the paper's heuristics, as far as time and the memory for relations permit."""
-    plans = []
+def merged_starts(model: GuidedPathTour, request: Request) -> Iterator[GuidedPathPlan]:
+    """Yield the tours of the paper's heuristics, as far as time and the memory for relations permit."""
     for backend in (Greedy(), InsertIndex(), InsertNearest()):
         with suppress(UnsupportedFormulation):
             answer = request.within(backend, model, options={"passing": True})
-            plans += [] if answer.point is None else [answer.point]
-    return plans
+            if answer.point is not None:
+                yield answer.point
 
 
 class ChainRounds:
@@ -139,23 +139,26 @@ class ChainSearch(Backend):
         """Improve the tours of Algorithm 6 and return the answer."""
         begin, control = clock(), request.control
         self.require_support(problem)
-        small, numbers = reduced(problem)
-        tables = Tables.of(small)
-        need = needs_of(small, small.cover)
-        members = [numbers[c] for c in tables.customers.tolist()]
-        position = {c: i for i, c in enumerate(members)}
-        plans = [GuidedPathPlan(served(problem, problem.sorted_customers))]
+        starts = [problem.sorted_customers]
         if request.warm_start is not None:
-            plans.append(GuidedPathPlan(served(problem, request.warm_start.order)))
-        plans += merged_starts(problem, request)
-        plan = min(plans, key=lambda plan: length_of(problem, plan.order))
-        value = length_of(problem, plan.order)
-        control.incumbent(value, plan)
-        order = np.array([position[c] for c in plan.order if c in position], np.int64)
-        rounds = ChainRounds(tables, need, order, request.seed)
-        best = math.inf
-        while not (rounds.settled or control.stopped or request.left() == 0.0):
-            if rounds.rounds >= request.options["rounds"]:
+            starts.append(request.warm_start.order)
+        plans = (GuidedPathPlan(served(problem, order)) for order in starts)
+        value = math.inf
+        # A limit may end the run in any of the heuristics.
+        for start in itertools.chain(plans, merged_starts(problem, request)):
+            if (length := length_of(problem, start.order)) < value:
+                plan, value = start, length
+                control.incumbent(value, plan)
+        rounds, members, best = None, list[int](), math.inf
+        while not (control.stopped or request.left() == 0.0):
+            if rounds is None:
+                small, numbers = reduced(problem)
+                tables = Tables.of(small)
+                members = [numbers[c] for c in tables.customers.tolist()]
+                position = {c: i for i, c in enumerate(members)}
+                order = np.array([position[c] for c in plan.order if c in position], np.int64)
+                rounds = ChainRounds(tables, needs_of(small, small.cover), order, request.seed)
+            if rounds.settled or rounds.rounds >= request.options["rounds"]:
                 break
             length = rounds.improve(control.flag)
             if length < best:
@@ -171,5 +174,5 @@ class ChainSearch(Backend):
             plan,
             value,
             seconds={"solve": clock() - begin},
-            statistics={"chains": tables.first.size - 1, "rounds": rounds.rounds},
+            statistics={"rounds": 0 if rounds is None else rounds.rounds},
         )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from guided_path.enumerated import best, chains_tour, random_tour
 
+import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.models import GuidedPathTour
 from crosstrack.models.guided_path.walks import length_of, reduced
@@ -20,6 +21,7 @@ from crosstrack.solvers.guided_path.chain_search import ChainSearch
 from crosstrack.solvers.guided_path.insertion import Greedy, InsertIndex, InsertNearest
 from crosstrack.solvers.guided_path.merge_kernels import merge_two
 from crosstrack.solvers.guided_path.state_kernels import rest_after, rest_by_gaps
+from crosstrack.timing import OutOfTime
 
 GO = np.zeros(1, np.int8)
 
@@ -234,6 +236,20 @@ def test_a_stop_keeps_the_tour():
     control.stop(Limit.INTERRUPTED)
     answer = answered(ChainSearch(), chains_tour(10, 40, 1), control=control)
     assert answer.limit is Limit.INTERRUPTED
+
+
+@pytest.mark.parametrize("backend", ["a-star", "chain-search"])
+@pytest.mark.parametrize("late", [(InsertIndex, "run"), (Tables, "of")], ids=["insert", "tables"])
+def test_a_limit_in_any_step_keeps_the_tours_before_it(monkeypatch, backend, late):
+    def end(*_arguments):
+        raise OutOfTime
+
+    model = chains_tour(10, 40, 1)
+    least = answered(Greedy(), model).primal_bound
+    monkeypatch.setattr(*late, end)
+    solution = ct.solve(model, backend, time_limit=60)
+    assert solution.termination == "feasible"
+    assert solution.primal_bound <= least
 
 
 # -- 20,000 customers ------------------------------------------------------------------------------
