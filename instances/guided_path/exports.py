@@ -11,7 +11,7 @@ from ...models.fields import required
 from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
-from ...models.guided_path.schedule import walk_of
+from ...models.guided_path.schedule import labels_of, walk_of
 from ..exports import ExportFormat
 from ..tables import write_rows
 
@@ -26,7 +26,7 @@ def write_stops_csv(
     The columns are ``stop,customer,x,walked``: the number of the stop from 0, the name of the
     customer, its coordinate and the distance walked up to it, in m. The first and the last row are
     the start. With optional fields, the columns ``vehicle``, ``begin`` (s) and ``load`` follow, and the last
-    row is the end. The file is written atomically.
+    row is the end, named ``end`` if it is not the start. The file is written atomically.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def write_stops_csv(
     places[-1] = (
         model.end if isinstance(model.end, float) else places[-2 if model.end == "free" else -1]
     )
-    columns = [range(len(stops)), map(model.label, stops), places, walk.walked.tolist()]
+    columns = [range(len(stops)), labels_of(model, walk), places, walk.walked.tolist()]
     if model.vehicles is not None:
         names, columns = [*names, "vehicle"], [*columns, walk.vehicles]
     if model.speed is not None:

@@ -15,7 +15,7 @@ from .checks import verify_tour
 from .data import GuidedPathData
 from .extensions import check_extensions, extensions_of
 from .plan import GuidedPathPlan
-from .schedule import walk_of
+from .schedule import labels_of, walk_of
 
 __all__ = ["GuidedPathTour"]
 
@@ -144,16 +144,16 @@ class GuidedPathTour(GuidedPathData):
         if not extensions_of(self) and self.speed is None:
             return []
         walk = walk_of(self, plan)
-        rows = zip(walk.stops, walk.vehicles, walk.places, walk.walked, strict=True)
+        rows = zip(labels_of(self, walk), walk.vehicles, walk.places, walk.walked, strict=True)
         return [
             {
                 "stop": k,
-                "customer": self.label(stop),
+                "customer": name,
                 "vehicle": vehicle,
                 "position": float(place),
                 "walked": float(walked),
                 "begin": None if self.speed is None else float(walk.begin[k]),
                 "load": None if self.loads is None else float(walk.load[k]),
             }
-            for k, (stop, vehicle, place, walked) in enumerate(rows)
+            for k, (name, vehicle, place, walked) in enumerate(rows)
         ]

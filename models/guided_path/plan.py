@@ -12,7 +12,7 @@ __all__ = ["GuidedPathPlan"]
 
 @dataclass(frozen=True, eq=False)
 class GuidedPathPlan(Plan):
-    """Order of service of the customers, from the start and back to it.
+    """Order of service of the customers, between the start and the end of the tour.
 
     Parameters
     ----------
@@ -31,4 +31,5 @@ class GuidedPathPlan(Plan):
     vehicles: tuple[int, ...] = declared(NumberTuple(("m",), int), default=(), added=True)
 
     def __str__(self) -> str:
-        return "-".join(map(str, (0, *self.order, 0)))
+        words = " by vehicles " + "-".join(map(str, self.vehicles)) if self.vehicles else ""
+        return "-".join(map(str, self.order)) + words

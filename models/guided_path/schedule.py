@@ -24,7 +24,7 @@ from .data import GuidedPathData
 from .plan import GuidedPathPlan
 from .track import Track
 
-__all__ = ["Walk", "walk_of"]
+__all__ = ["Walk", "labels_of", "walk_of"]
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Walk(NamedTuple):
     stops : list of int
         Numbers of the stops.
     vehicles : list of int
-        Vehicle at each stop; 0 at both ends.
+        Vehicle at each stop; 0 at both ends, for the load, too.
     places : ndarray, shape (stops,)
         Positions in m: the coordinate on a line, continued beyond the ends of a loop, the distance from node
         0 in a tree.
@@ -72,9 +72,16 @@ def walk_of(model: GuidedPathData, plan: GuidedPathPlan) -> Walk:
         for k in range(positions.shape[1]):
             rows = [row for row in range(1, len(order) - 1) if vehicles[row] == k]
             load[rows] = model.loads[0] + np.cumsum(model.loads[[order[row] for row in rows]])
-        load[[0, -1]] = model.loads[0]
+        load[0] = model.loads[0]
+        load[-1] = load[max(row for row in range(len(order) - 1) if vehicles[row] == 0)]
     begin = _times(model, order, vehicles, moved, places)
     return Walk(order, vehicles, places, np.cumsum(moved), positions, begin, load)
+
+
+def labels_of(model: GuidedPathData, walk: Walk) -> list[str]:
+    """Return the names of the stops; the last one is ``end`` unless the tour ends at its start."""
+    names = [model.label(stop) for stop in walk.stops]
+    return names if model.end is None else [*names[:-1], "end"]
 
 
 def _move(
@@ -125,6 +132,9 @@ def _times(
     begin[0] = opens[0]
     leave[0] = begin[0] + takes[0]
     first = {stop: row for row, stop in reversed(list(enumerate(order))) if row < rows - 1}
+    before: dict[int, list[int]] = {}
+    for a, b in model.pairs if starts is not None else ():
+        before.setdefault(b, []).append(a)
     for row in range(1, rows):
         stop, last = order[row], row == rows - 1
         if starts is None:
@@ -143,7 +153,7 @@ def _times(
                 apart[others == k] = np.abs(apart[others == k])
                 bound = (apart > 0) | (others == k)
                 begin[row] = np.max(since[bound] + apart[bound] / speed, initial=begin[row])
-            pairs = [first[a] for a, b in model.pairs if b == stop and first.get(a, rows) < row]
+            pairs = [first[a] for a in before.get(stop, ()) if first.get(a, rows) < row]
             begin[row] = np.max(leave[pairs], initial=begin[row])
         if not last:
             begin[row] = max(begin[row], opens[stop])

@@ -42,20 +42,13 @@ class Track:
     @cached_property
     def nodes(self) -> NDArray[np.float64]:
         """Distances between the nodes of the tree, in m, shape (edges + 1, edges + 1); inf if unconnected."""
-        ways = np.full((len(self.edges) + 1,) * 2, np.inf)
-        near: list[list[tuple[int, float]]] = [[] for _ in ways]
-        for a, b, length in self.edges:
-            near[a].append((b, length))
-            near[b].append((a, length))
-        for start in range(len(ways)):
-            ways[start, start] = 0.0
-            todo = [start]
-            while todo:
-                node = todo.pop()
-                for other, length in near[node]:
-                    if np.isinf(ways[start, other]):
-                        ways[start, other] = ways[start, node] + length
-                        todo.append(other)
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import dijkstra
+
+        tails, heads, lengths = zip(*self.edges, strict=True)
+        size = len(self.edges) + 1
+        graph = csr_array((lengths, (tails, heads)), shape=(size, size))
+        ways: NDArray[np.float64] = dijkstra(graph, directed=False)
         return ways
 
     def ends(self, k: int, x: float) -> tuple[tuple[int, float], tuple[int, float]]:

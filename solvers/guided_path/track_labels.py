@@ -46,7 +46,7 @@ class Labels:
 
     counts: NDArray[np.int16]
     at: NDArray[np.int32]
-    owner: NDArray[np.int8]
+    owner: NDArray[np.int16]
     load: Floats
     cost: Floats
     ready: Floats
@@ -75,7 +75,7 @@ def first_label(tables: TrackTables) -> Labels:
     zero = np.zeros(1, np.int64)
     return Labels(
         np.zeros((1, k), np.int16), tables.same[tables.homes][None].astype(np.int32),
-        np.full((1, k if m > 1 else 0), -1, np.int8), np.array([loads]), np.zeros(1), ready, zero, zero, zero,
+        np.full((1, k if m > 1 else 0), -1, np.int16), np.array([loads]), np.zeros(1), ready, zero, zero, zero,
     )  # fmt: skip
 
 

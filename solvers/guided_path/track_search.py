@@ -34,7 +34,7 @@ from .track_tables import TrackTables
 
 __all__ = ["TrackSearch"]
 
-#: Maximum number of customers: distances are a dense matrix.
+#: Maximum number of customers and vehicles: distances are a dense matrix.
 MOST = 3000
 #: Width of the first beam, growth factor, and default of the maximum width.
 NARROW, WIDER, WIDEST = 2, 8, 1 << 18
@@ -75,9 +75,11 @@ class TrackSearch(Backend):
 
     def refuses(self, problem: Any) -> str:
         """Return the reason if the tables would be too large, otherwise an empty string."""
-        if problem.size - 1 <= MOST:
+        extra = 0 if problem.vehicles is None else len(problem.vehicles)
+        if problem.size - 1 + extra <= MOST:
             return ""
-        return f"{problem.size - 1} customers: at most {MOST}"
+        more = f" and {extra} vehicles" if extra else ""
+        return f"{problem.size - 1} customers{more}: at most {MOST}"
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Run wider and wider beams until one is exact or a limit is reached."""

@@ -10,6 +10,7 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.instances import read_model
 from crosstrack.instances.guided_path import read_stops, write_sop, write_stops_csv, write_tour
+from crosstrack.models import GuidedPathTour
 from crosstrack.models.guided_path import GuidedPathPlan
 
 STOPS = """id,coordinate,chain,load,service [min],earliest,latest [h]
@@ -76,3 +77,17 @@ def test_exports_state_the_length_or_refuse(tmp_path, fields):
     wrong = GuidedPathPlan(plan.order, () if plan.vehicles else [0] * len(plan.order))
     with pytest.raises(InvalidData, match="vehicles"):
         write_stops_csv(wrong, tmp_path / "plan.csv", model=model)
+
+
+def test_the_last_row_is_the_end(tmp_path):
+    model = GuidedPathTour([0, 4, 2], loads=[1, 2, 3], end="free", ids=["dock", "a", "b"])
+    plan = GuidedPathPlan((2, 1))
+    rows = model.details(plan)
+    assert [row["customer"] for row in rows] == ["dock", "b", "a", "end"]
+    assert [row["load"] for row in rows] == [1, 4, 6, 6]
+    text = write_stops_csv(plan, tmp_path / "plan.csv", model=model).read_text("utf-8")
+    assert text.splitlines()[-1] == "3,end,4.0,4.0,6.0"
+    closed = GuidedPathTour([0, 4, 2], loads=[1, 2, -1], vehicles=[0, 9])
+    assert [row["load"] for row in closed.details(GuidedPathPlan((1, 2), (1, 0)))] == [1, 3, 0, 0]
+    idle = closed.details(GuidedPathPlan((1, 2), (1, 1)))
+    assert [row["load"] for row in idle] == [1, 3, 2, 1]

@@ -269,3 +269,16 @@ def test_the_check_of_loads_names_a_customer():
     model = GuidedPathTour([0, 1, 2], loads=[1, 0, -1], capacity=1, ids=["depot", "a", "b"])
     (check,) = [c for c in model.verify(GuidedPathPlan((1, 2))).checks if "load" in c.name]
     assert check.where == "customer a"
+
+
+def test_the_text_of_a_plan_states_no_end():
+    assert str(GuidedPathPlan((2, 1, 3))) == "2-1-3"
+    assert str(GuidedPathPlan((2, 1), (1, 0))) == "2-1 by vehicles 1-0"
+
+
+def test_two_hundred_vehicles():
+    model = GuidedPathTour([0, 150.5, 20], vehicles=np.arange(200))
+    solution = ct.solve(model, "track-search")
+    assert (solution.termination, solution.primal_bound) == ("optimal", 1.0)
+    with pytest.raises(UnsupportedFormulation, match="2 customers and 3000 vehicles: at most 3000"):
+        ct.solve(GuidedPathTour([0, 1, 2], vehicles=np.arange(3000)), "track-search")
