@@ -72,10 +72,9 @@ ROOM, TRACE, POOL = 16, 200_000_000, 400_000_000
 HARD = 60_000
 #: Expansions of the search per expansion of the beams.
 SHARE = 3
-#: Number of relevant customers above which the paper's Algorithm 6 beats the first beams.
-MANY = 300
-#: Number of customers above which a run with a time limit starts with the paper's Algorithm 6.
-LARGE = 60
+#: Numbers of relevant customers above which the search begins with the paper's heuristics, and with merges
+#: of chains before the first beam.
+LARGE, MANY = 60, 300
 
 
 class AStar(Backend):
@@ -105,10 +104,6 @@ class AStar(Backend):
     def refuses(self, problem: Any) -> str:
         """Return the optional fields of `problem` that the search does not cover."""
         return name_unsupported(problem)
-
-    def starter(self, problem: Any) -> str:
-        """Return the paper's Algorithm 6 for tours that an exact search may not finish in time."""
-        return "insert-nearest" if problem.size > LARGE else ""
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Solve the problem and return the answer with its termination."""
@@ -140,7 +135,9 @@ class _Search:
             self.offer(request.warm_start.order)
         self.small, numbers = reduced(model)
         self.large = self.small.size - 1 > MANY
-        if self.large:  # before the tables, which take half a second for 20,000 customers
+        if (
+            self.small.size - 1 > LARGE
+        ):  # before the tables, which take half a second for 20,000 customers
             for plan in merged_starts(model, request):
                 self.offer(plan.order)
         self.tables = tables = Tables.of(self.small)
@@ -202,9 +199,6 @@ class _Search:
         if self.large and not (self.over or self._tabulate()):
             self.merge()
         self.look()
-        if not self.over and LARGE < len(self.kept) <= MANY:
-            for plan in merged_starts(self.model, self.request):
-                self.start(plan.order)
         if not self.over:
             start = np.array([[*[0] * (len(self.tables.first) - 1), self.tables.place[-1]]])
             samples = start if self.large else self.search(EARLY)

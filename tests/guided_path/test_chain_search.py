@@ -244,7 +244,7 @@ def test_a_limit_in_any_step_keeps_the_tours_before_it(monkeypatch, backend, lat
     def end(*_arguments):
         raise OutOfTime
 
-    model = chains_tour(10, 40, 1)
+    model = chains_tour(5, 40, 1)
     least = answered(Greedy(), model).primal_bound
     monkeypatch.setattr(*late, end)
     solution = ct.solve(model, backend, time_limit=60)
@@ -281,3 +281,6 @@ def test_a_relation_of_too_many_chains_is_refused(monkeypatch):
     with pytest.raises(UnsupportedFormulation, match="at most 10 entries"):
         answered(InsertIndex(), model)
     assert answered(AStar(), model).primal_bound == pytest.approx(best(model))
+    assert ct.solve(model, "a-star", time_limit=60).primal_bound == pytest.approx(best(model))
+    large = GuidedPathTour(np.arange(80.0) * (-1.0) ** np.arange(80), precedence=[[1, 4], [5, 4]])
+    assert ct.solve(large, "a-star", time_limit=60).termination == "optimal"
