@@ -47,6 +47,10 @@ def check_extensions(model: Any) -> None:
                 f"{model.loads[0]:g}",
                 field="loads",
             )
+        with np.errstate(over="ignore"):
+            whole = float(np.abs(model.loads).sum() * max(1, np.size(model.vehicles)))
+        if not np.isfinite(whole):
+            raise InvalidData(f"loads must have a finite sum, got {whole:g}", field="loads")
     if model.windows is not None:
         if model.speed is None:
             raise InvalidData("windows need a speed in m/s", field="speed")
@@ -62,10 +66,13 @@ def check_extensions(model: Any) -> None:
         _check_vehicles(model)
     ends = [model.end] if isinstance(model.end, float) else []
     starts = [] if model.vehicles is None else model.vehicles.tolist()
-    span = float(np.ptp([*model.coordinates, *ends, *starts]))
-    total = 4.0 * model.size * (len(starts) + 1) * span / (model.speed or 1.0)
-    if model.service is not None:
-        total += float(model.service.sum())
+    with np.errstate(over="ignore"):
+        span = float(np.ptp([*model.coordinates, *ends, *starts]))
+        total = 4.0 * model.size * (len(starts) + 1) * span / (model.speed or 1.0)
+        if model.service is not None:
+            total += float(model.service.sum())
+        if model.windows is not None:
+            total += 4.0 * float(np.abs(model.windows[np.isfinite(model.windows)]).max())
     if not np.isfinite(total):
         raise InvalidData(
             f"speed must be fast enough for finite times over ways of {span:g} m, got "

@@ -75,7 +75,7 @@ class TrackSpec(Spec):
     """The word ``"line"``, ``{"loop": length}``, or ``{"tree": edges, "at": edge of each stop}``."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> str | Track:
-        if value == "line" and isinstance(value, str):
+        if isinstance(value, str) and value == "line":
             return "line"
         if isinstance(value, Track):
             value = self.encode(value)
