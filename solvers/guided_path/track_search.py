@@ -30,7 +30,7 @@ from ..contract.backend import (
     Termination,
 )
 from .track_labels import Labels, finish, first_label, grow, rest_of, without_dominated
-from .track_tables import TrackTables
+from .track_tables import TrackTables, chains_of
 
 __all__ = ["TrackSearch"]
 
@@ -76,19 +76,28 @@ class TrackSearch(Backend):
     def refuses(self, problem: Any) -> str:
         """Return the reason if the tables would be too large, otherwise an empty string."""
         extra = 0 if problem.vehicles is None else len(problem.vehicles)
-        if problem.size - 1 + extra <= MOST:
-            return ""
         more = f" and {extra} vehicles" if extra else ""
-        return f"{problem.size - 1} customers{more}: at most {MOST}"
+        if problem.size - 1 + extra > MOST:
+            return f"{problem.size - 1} customers{more}: at most {MOST}"
+        if extra > 1:
+            chains = len(chains_of(problem))
+            if NARROW * _extension_size(problem, chains, extra) > MEMORY:
+                return (
+                    f"{chains} chains{more}: the extensions of {NARROW} labels exceed "
+                    f"{MEMORY // 1_000_000} MB"
+                )
+        return ""
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Run wider and wider beams until one is exact or a limit is reached."""
         begin = clock()
         self.require_support(problem)
         search = _Search(TrackTables(problem), request)
-        if request.warm_start is not None:
-            checked = problem.verify(request.warm_start)
-            search.offer(checked.objective if checked.ok else None, request.warm_start)
+        order = problem.sorted_customers
+        simple = GuidedPathPlan(order, () if problem.vehicles is None else (0,) * len(order))
+        for plan in (simple, request.warm_start):
+            if plan is not None and (checked := problem.verify(plan)).ok:
+                search.offer(checked.objective, plan)
         width, widest = NARROW, min(request.options.get("width", WIDEST), search.widest)
         while not search.over:
             search.sweep(min(width, widest))
@@ -113,6 +122,12 @@ class TrackSearch(Backend):
         )
 
 
+def _extension_size(model: GuidedPathTour, chains: int, fleet: int) -> int:
+    """Return the size of all extensions of a label in bytes."""
+    times = fleet * (model.size + 1) if fleet > 1 and model.windows is not None else 1
+    return chains * fleet * (4 * chains + 12 * fleet + 8 * times + 40)
+
+
 class _Search:
     """State of one run: incumbent, bound and limit."""
 
@@ -128,10 +143,9 @@ class _Search:
     def widest(self) -> int:
         """Largest width whose extensions fit the memory."""
         tables = self.tables
-        chains, several = len(tables.chains), tables.fleet > 1 and tables.model.windows is not None
-        times = tables.fleet * (tables.model.size + 1) if several else 1
-        size = chains * tables.fleet * (3 * chains + 12 * tables.fleet + 8 * times + 40)
-        return max(MEMORY // size, NARROW)
+        return max(
+            MEMORY // _extension_size(tables.model, len(tables.chains), tables.fleet), NARROW
+        )
 
     @property
     def is_close(self) -> bool:

@@ -12,13 +12,22 @@ from numpy.typing import NDArray
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.track import Track
 
-__all__ = ["ROUNDING", "TrackTables"]
+__all__ = ["ROUNDING", "TrackTables", "chains_of"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 #: Violation that rounding explains, relative to the largest load or to the scale of a time.
 ROUNDING = 1e-9
+
+
+def chains_of(model: GuidedPathTour) -> tuple[tuple[int, ...], ...]:
+    """Return chains that contain every customer once; with several vehicles one vehicle serves each."""
+    if model.vehicles is None:
+        return model.cover
+    given = [tuple(c for c in chain if c) for chain in model.chains]
+    alone = set(range(1, model.size)).difference(itertools.chain.from_iterable(given))
+    return (*(chain for chain in given if chain), *((c,) for c in sorted(alone)))
 
 
 class TrackTables:
@@ -53,12 +62,9 @@ class TrackTables:
         extra += [model.end] if isinstance(model.end, float) else []
         self.homes = np.zeros(self.fleet, np.int64)
         self.goal = -1 if self.free or self.fleet > 1 else model.size * bool(extra)
-        self.chains = model.cover
+        self.chains = chains_of(model)
         if starts is not None:
             self.homes = model.size + np.arange(self.fleet)
-            given = [tuple(c for c in chain if c) for chain in model.chains]
-            alone = set(range(1, model.size)).difference(itertools.chain.from_iterable(given))
-            self.chains = (*(chain for chain in given if chain), *((c,) for c in sorted(alone)))
         self.places = np.concatenate([model.coordinates, extra])
         self.start = np.cumsum([0, *(len(chain) + 1 for chain in self.chains)])
         self.following = np.array([c for chain in self.chains for c in (*chain, -1)])

@@ -285,3 +285,14 @@ def test_two_hundred_vehicles():
     assert (solution.termination, solution.primal_bound) == ("optimal", 1.0)
     with pytest.raises(UnsupportedFormulation, match="2 customers and 3000 vehicles: at most 3000"):
         ct.solve(GuidedPathTour([0, 1, 2], vehicles=np.arange(3000)), "track-search")
+    many = GuidedPathTour(np.arange(501), vehicles=np.zeros(100), windows=[[0, 9]] * 501, speed=1)
+    with pytest.raises(UnsupportedFormulation, match="500 chains and 100 vehicles: the extensions"):
+        ct.solve(many, "track-search")
+
+
+@pytest.mark.parametrize("fields", [{"end": "free"}, {"vehicles": [0, 5]}])
+def test_a_short_limit_keeps_a_simple_plan(fields):
+    model = GuidedPathTour(np.arange(400) % 7, **fields)
+    answer = TrackSearch().run(model, Request(time_limit=0.0, options={}))
+    assert answer.termination == "feasible"
+    assert model.verify(answer.point).ok
