@@ -89,7 +89,8 @@ class SequentialOrdering(Model[SequentialOrderingPlan]):
             raise InvalidData(
                 f"distances must be those of 2 … {MOST} nodes, got {size}", field="distances"
             )
-        if not np.isfinite(self.missing):
+        # Dual values are at most twice the sum over a path of missing arcs.
+        if not np.isfinite(4.0 * self.missing * size):
             raise InvalidData("distances must be small enough to be added up", field="distances")
         for row, (before, after) in enumerate(self.precedence.tolist()):
             for column, node in enumerate((before, after)):

@@ -97,15 +97,14 @@ class _Search:
 
     def __init__(self, model: SequentialOrdering, request: Request) -> None:
         self.model, self.request, self.control = model, request, request.control
-        self.cost = costs_of(model)
-        finite = self.cost[model.arcs]
+        self.cost, self.missing = costs_of(model), model.missing
         #: Whether all lengths are integers that floats represent exactly.
-        self.exact = bool((finite == np.round(finite)).all()) and model.missing < 2**50
+        self.exact = False
         self.words = -(-model.size // BITS)
-        self.before = np.zeros((model.size, self.words), np.int64)
-        for node, word in np.ndindex(self.before.shape):
-            bits = np.flatnonzero(model.closure[BITS * word : BITS * (word + 1), node])
-            self.before[node, word] = sum(1 << bit for bit in bits.tolist())
+        bits = np.zeros((self.words * BITS, model.size), np.int64)
+        bits[: model.size] = model.closure
+        powers = 1 << np.arange(BITS)
+        self.before = np.einsum("wbn,b->nw", bits.reshape(self.words, BITS, -1), powers)
         self.plan: SequentialOrderingPlan | None = None
         self.value, self.bound, self.root = model.missing, 0.0, 0.0
         self.limit: Limit | None = None
@@ -113,7 +112,7 @@ class _Search:
 
     def prove(self, bound: float) -> None:
         """Take a lower bound, with rounding errors, on all paths shorter than the incumbent."""
-        bound = math.ceil(bound - 0.5) if self.exact else bound - _SAFE * self.model.missing
+        bound = math.ceil(bound - 0.5) if self.exact else bound - _SAFE * self.missing
         self.bound = max(self.bound, min(bound, self.value))
         if self.value < self.model.missing:
             self.proven |= self.value - self.bound <= self.request.gap * abs(self.value)
@@ -138,12 +137,17 @@ class _Search:
         )  # fmt: skip
         if stage.point is not None:
             self.offer(np.array(stage.point.order, np.int64))
-        root = root_state(self.model, self.cost, self.control.flag)
+        # No shorter path has an arc as long as the incumbent, and the costs of others would cause rounding errors.
+        self.missing = self.value
+        self.cost = np.minimum(self.cost, self.missing)
+        whole = bool((self.cost == np.round(self.cost)).all())
+        self.exact = whole and self.missing * self.model.size < 2**50
+        root = root_state(self.model, self.cost, self.missing, self.control.flag)
         if root is None:
             return
-        self.root = float(root.rest[0])
+        self.root = min(float(root.rest[0]), self.value)
         self.prove(self.root)
-        if self.root >= self.model.missing:
+        if self.root >= self.missing:
             self.proven = True
         size = self.model.size
         most = self.request.options["width"] or MEMORY // (
@@ -165,7 +169,7 @@ class _Search:
         trace: list[tuple[NDArray[np.int32], NDArray[np.int32]]] = []
         for _ in range(self.model.size - 1):
             expanded, count = expand(
-                self.cost, self.model.missing, self.before, level, len(level.last), children, table, upper,
+                self.cost, self.missing, self.before, level, len(level.last), children, table, upper,
                 self.control.flag,
             )  # fmt: skip
             if self.control.stopped:

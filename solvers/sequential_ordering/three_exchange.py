@@ -66,11 +66,13 @@ def nearest_available(model: SequentialOrdering, cost: Floats) -> NDArray[np.int
     return order
 
 
-def root_state(model: SequentialOrdering, cost: Floats, flag: NDArray[np.int8]) -> States | None:
+def root_state(
+    model: SequentialOrdering, cost: Floats, missing: float, flag: NDArray[np.int8]
+) -> States | None:
     """Return the state of node 0 with the assignment of all other nodes; None if it was stopped."""
     root = new_states(model.size, 1)
     waits = np.ascontiguousarray(model.closure[1:].any(axis=0))
-    return root if assign_root(cost, model.missing, waits, root, flag) else None
+    return root if assign_root(cost, missing, waits, root, flag) else None
 
 
 class ThreeExchange(Backend):
@@ -99,17 +101,20 @@ class ThreeExchange(Backend):
         if request.warm_start is not None:
             shortest = np.array(request.warm_start.order, np.int64)
         self._report(problem, cost, shortest, request)
+        # No shorter path has an arc as long as this one, and the costs of others would cause rounding errors.
+        most = min(length_of(cost, shortest), problem.missing)
+        cheap = np.minimum(cost, most)
         try:
             # Fewer than four nodes have only one order.
-            root = root_state(problem, cost, control.flag) if size > 3 else None
+            root = root_state(problem, cheap, most, control.flag) if size > 3 else None
             if root is not None:
                 # All paths have the same sum of dual values, but these costs show which arcs are short.
-                cheap = cost - root.row[0][:, None] - root.column[0]
+                cheap -= root.row[0][:, None] + root.column[0]
                 other = nearest_available(problem, cheap)
                 if length_of(cost, other) < length_of(cost, shortest):
                     shortest = other
                     self._report(problem, cost, shortest, request)
-                done = self._search(problem, cost, cheap, shortest, request)
+                done = self._search(problem, cost, cheap, shortest, most, request)
         except OutOfTime:  # its loops could not be compiled in time
             control.stop(Limit.TIME)
         value = length_of(cost, shortest)
@@ -129,11 +134,12 @@ class ThreeExchange(Backend):
         cost: Floats,
         cheap: Floats,
         shortest: Ints,
+        missing: float,
         request: Request,
     ) -> int:
         """Anneal from the path `shortest`, which is updated, and return the number of iterations."""
         state, done, share, heat = _paths(model, cheap, shortest), 0, 0.0, 0.0
-        lengths, small = np.full(2, length_of(cheap, shortest)), _SMALL * model.missing
+        lengths, small = np.full(2, length_of(cheap, shortest)), _SMALL * missing
         most = request.options["iterations"] or _PER_NODE * model.size
         rng = np.random.default_rng(request.seed or 0)
         first = True
@@ -146,7 +152,7 @@ class ThreeExchange(Backend):
                 state, shortest, lengths, *temperatures, draws, small, first, request.control.flag
             )
             if first:
-                heat = _HOT * min(lengths[1], model.missing) / model.size
+                heat = _HOT * min(lengths[1], missing) / model.size
             done, first = done + chunk, False
             share = done / most
             if left is not None and request.time_limit:

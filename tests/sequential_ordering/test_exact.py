@@ -189,3 +189,15 @@ def test_two_nodes_and_equal_distances():
     assert (two.plan.order, two.primal_bound, two.termination) == ((0, 1), 5.0, "optimal")
     zero = ct.solve(SequentialOrdering(np.zeros((30, 30))))
     assert (zero.primal_bound, zero.termination) == (0.0, "optimal")
+
+
+@pytest.mark.parametrize("forbidden", [1e9, 1e15, 1e300])
+def test_long_arcs_cause_no_rounding_errors(forbidden):
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        distances = np.where(rng.random((6, 6)) < 0.4, forbidden, 10.0 * rng.random((6, 6)))
+        model = SequentialOrdering(distances, precedence=[[2, 1]])
+        found = ct.solve(model)
+        assert found.termination == "optimal", seed
+        assert found.primal_bound == pytest.approx(best(model), rel=1e-9), seed
+        assert ct.solve(model, "three-exchange").primal_bound < found.primal_bound * 3, seed

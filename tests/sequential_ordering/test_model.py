@@ -21,6 +21,7 @@ FOUR = [[0, 3, 1, 9], [9, 0, 2, 5], [9, 4, 0, 1], [9, 9, 9, 0]]
         ([[0, -1], [1, 0]], (), r"distances\[0, 1\] must be >= 0"),
         ([[0, float("nan")], [1, 0]], (), "must be finite"),
         ([[0, 1e308], [1, 0]], (), "small enough to be added up"),
+        ([[0, 2e307], [1, 0]], (), "small enough to be added up"),
         (FOUR, [[1, 4]], r"precedence\[0, 1\] must be in 0 … 3, got 4"),
         (FOUR, [[1, 2], [2, 0]], r"precedence\[1\] must give the first node 0 no predecessor, got 2 before 0"),
         (FOUR, [[3, 1]], r"precedence\[0\] must give the last node 3 no successor, got 3 before 1"),
