@@ -33,12 +33,14 @@ from ..contract.backend import (
     Termination,
 )
 from .level_kernels import BITS, States, expand, new_states
-from .three_exchange import ThreeExchange, costs_of, length_of, root_state
+from .three_exchange import ThreeExchange, costs_of, length_of, nearest_available, root_state
 
 __all__ = ["BoundedLevels"]
 
 #: Memory for the states of two levels, in bytes.
 MEMORY = 1_000_000_000
+#: Largest width times n³ without a time limit. One unit takes 2 to 5 ns (tests/benchmarks/sequential_ordering).
+WORK = 15_000_000_000
 #: Width of the first search and growth factor of the width.
 _NARROW, _WIDER = 16, 4
 #: Children per state that a level has room for.
@@ -64,7 +66,11 @@ class BoundedLevels(Backend):
     single_threaded = True
     options: ClassVar[dict[str, Option]] = {
         "width": Option(
-            0, "largest number of states per level; 0 means as many as 1 GB holds", int, lower=0
+            0,
+            "largest number of states per level; 0 means as many as 1 GB holds and, without a time limit, about two "
+            "minutes suffice for",
+            int,
+            lower=0,
         )
     }
     summary = (
@@ -103,8 +109,8 @@ class _Search:
         self.words = -(-model.size // BITS)
         bits = np.zeros((self.words * BITS, model.size), np.int64)
         bits[: model.size] = model.closure
-        powers = 1 << np.arange(BITS)
-        self.before = np.einsum("wbn,b->nw", bits.reshape(self.words, BITS, -1), powers)
+        words = bits.reshape(self.words, BITS, -1)
+        self.before = np.ascontiguousarray(np.einsum("wbn,b->nw", words, 1 << np.arange(BITS)))
         self.plan: SequentialOrderingPlan | None = None
         self.value, self.bound, self.root = model.missing, 0.0, 0.0
         self.limit: Limit | None = None
@@ -127,9 +133,10 @@ class _Search:
 
     def solve(self) -> None:
         """Search until the incumbent is proven or a limit is reached."""
-        if self.request.warm_start is not None:
-            self.offer(np.array(self.request.warm_start.order, np.int64))
-        limit = self.request.time_limit
+        given, limit = self.request.warm_start, self.request.time_limit
+        self.offer(
+            nearest_available(self.model, self.cost) if given is None else np.array(given.order)
+        )
         stage = self.request.within(
             ThreeExchange(), self.model, time_limit=None if limit is None else _SHARE * limit,
             options={"iterations": _PER_NODE * self.model.size}, lift=lambda *found: found,
@@ -150,12 +157,12 @@ class _Search:
         if self.root >= self.missing:
             self.proven = True
         size = self.model.size
-        most = self.request.options["width"] or MEMORY // (
-            (1 + _ROOM) * (8 * self.words + 18 * size + 40)
-        )
+        room = MEMORY // ((1 + _ROOM) * (8 * self.words + 18 * size + 40))
+        work = max(1, WORK // size**3) if limit is None else room
+        most = self.request.options["width"] or min(room, work)
         while not self.proven and not self.control.stopped:
             if self.width == most:
-                self.limit = Limit.MEMORY
+                self.limit = Limit.MEMORY if most == room else Limit.ITERATIONS
                 return
             self.width = min(max(self.width * _WIDER, _NARROW), most)
             self._sweep(root)

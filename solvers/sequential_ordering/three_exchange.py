@@ -97,9 +97,8 @@ class ThreeExchange(Backend):
         """Search, and return the shortest path."""
         begin, size, control = clock(), problem.size, request.control
         cost = costs_of(problem)
-        shortest, done = nearest_available(problem, cost), 0
-        if request.warm_start is not None:
-            shortest = np.array(request.warm_start.order, np.int64)
+        done, given = 0, request.warm_start
+        shortest = nearest_available(problem, cost) if given is None else np.array(given.order)
         self._report(problem, cost, shortest, request)
         # No shorter path has an arc as long as this one, and the costs of others would cause rounding errors.
         most = min(length_of(cost, shortest), problem.missing)

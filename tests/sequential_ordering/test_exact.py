@@ -10,7 +10,7 @@ from crosstrack.instances.sequential_ordering import generate_ordering
 from crosstrack.models import SequentialOrdering, SequentialOrderingPlan
 from crosstrack.models.sequential_ordering.orders import OrdersFormulation
 from crosstrack.solvers import Control, Limit, Request
-from crosstrack.solvers.sequential_ordering import exchange_kernels, level_kernels
+from crosstrack.solvers.sequential_ordering import bounded_levels, exchange_kernels, level_kernels
 from crosstrack.solvers.sequential_ordering.bounded_levels import BoundedLevels, _Search
 from crosstrack.solvers.sequential_ordering.level_kernels import new_states
 from crosstrack.solvers.sequential_ordering.three_exchange import (
@@ -117,11 +117,11 @@ def test_seeds_repeat_and_limits_stop():
     answer = BoundedLevels().run(
         model, Request(options=BoundedLevels().checked_options({}), control=control)
     )
-    assert answer.termination == "no_solution"
+    assert answer.termination == "feasible"
     assert answer.limit is Limit.INTERRUPTED
     narrow = ct.solve(model, "bounded-levels", backend_options={"width": 8})
     assert narrow.termination == "feasible"
-    assert narrow.limit is Limit.MEMORY
+    assert narrow.limit is Limit.ITERATIONS
     assert 0 < narrow.dual_bound < narrow.primal_bound
     loose = ct.solve(model, "bounded-levels", gap=0.99)
     assert loose.gap <= 0.99
@@ -201,3 +201,17 @@ def test_long_arcs_cause_no_rounding_errors(forbidden):
         assert found.termination == "optimal", seed
         assert found.primal_bound == pytest.approx(best(model), rel=1e-9), seed
         assert ct.solve(model, "three-exchange").primal_bound < found.primal_bound * 3, seed
+
+
+def test_a_run_ends_without_a_time_limit(monkeypatch):
+    monkeypatch.setattr(bounded_levels, "WORK", 64 * 40**3)
+    found = ct.solve(generate_ordering(40, 1000, 5, 1))
+    assert (found.termination, found.limit) == ("feasible", Limit.ITERATIONS)
+    assert found.statistics["width"] == 64
+    assert 0.0 < found.gap < 1.0
+
+
+def test_a_run_that_is_out_of_time_has_a_plan():
+    found = ct.solve(generate_ordering(300, 1000, 5, 1), time_limit=1e-3)
+    assert found.plan is not None
+    assert found.limit is Limit.TIME
