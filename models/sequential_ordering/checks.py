@@ -28,17 +28,17 @@ def verify_ordering(
     order = required("plan", plan, SequentialOrderingPlan).order
     last = len(distances) - 1
     check_entries("order", order, 0, last, "order")
-    times, place = [0] * len(distances), dict[int, int]()
-    for stop, node in enumerate(order):
-        times[node] += 1
-        place.setdefault(node, stop)
     ends = [f"first node {label(0)}"] * (order[:1] != (0,))
     ends += [f"last node {label(last)}"] * (order[-1:] != (last,))
-    wrong = [f"node {label(node)}" for node, count in enumerate(times) if count != 1]
+    stops = np.array(order, np.int64)
+    times = np.bincount(stops, minlength=last + 1)
+    wrong = [f"node {label(node)}" for node in np.flatnonzero(times != 1).tolist()]
+    place = np.full(last + 1, -1)
+    place[stops[::-1]] = np.arange(len(order))[::-1]  # the first stop at each node
+    first, second = place[precedence].T
+    mask = (first >= 0) & (second >= 0) & (first >= second)
     broken = [
-        f"{label(before)} before {label(after)}"
-        for before, after in dict.fromkeys(map(tuple, precedence.tolist()))
-        if before in place and after in place and place[before] >= place[after]
+        f"{label(a)} before {label(b)}" for a, b in np.unique(precedence[mask], axis=0).tolist()
     ]
     legs = [(a, b, float(distances[a, b])) for a, b in pairwise(order)]
     missing = [f"{label(a)}-{label(b)}" for a, b, leg in legs if a == b or math.isinf(leg)]

@@ -92,18 +92,19 @@ class SequentialOrdering(Model[SequentialOrderingPlan]):
         # Dual values are at most twice the sum over a path of missing arcs.
         if not np.isfinite(4.0 * self.missing * size):
             raise InvalidData("distances must be small enough to be added up", field="distances")
-        for row, (before, after) in enumerate(self.precedence.tolist()):
-            for column, node in enumerate((before, after)):
-                if node > last:
-                    raise InvalidData(
-                        f"precedence[{row}, {column}] must be in 0 … {last}, got {node}",
-                        field="precedence",
-                    )
-            if after == 0 or before == last:
-                rule = "the first node 0" if after == 0 else f"the last node {last}"
-                word = "no predecessor" if after == 0 else "no successor"
+        for row, column in np.argwhere(self.precedence > last)[:1]:
+            raise InvalidData(
+                f"precedence[{row}, {column}] must be in 0 … {last}, got {self.precedence[row, column]}",
+                field="precedence",
+            )
+        for column, node, words in (
+            (1, 0, "the first node 0 no predecessor"),
+            (0, last, f"the last node {last} no successor"),
+        ):
+            for row in np.flatnonzero(self.precedence[:, column] == node)[:1]:
+                before, after = self.precedence[row]
                 raise InvalidData(
-                    f"precedence[{row}] must give {rule} {word}, got {before} before {after}",
+                    f"precedence[{row}] must give {words}, got {before} before {after}",
                     field="precedence",
                 )
         # Computed here because it rejects cycles.
@@ -127,8 +128,8 @@ class SequentialOrdering(Model[SequentialOrderingPlan]):
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """Distinct pairs between inner nodes, sorted."""
-        given = map(tuple, self.precedence.tolist())
-        return tuple(sorted({(a, b) for a, b in given if a and b < self.size - 1}))
+        inner = (self.precedence[:, 0] > 0) & (self.precedence[:, 1] < self.size - 1)
+        return tuple(map(tuple, np.unique(self.precedence[inner], axis=0).tolist()))
 
     @cached_property
     def sorted_nodes(self) -> tuple[int, ...]:
