@@ -1,4 +1,4 @@
-"""Diagnosis of sequential ordering: nodes without an arc, the assignment bound, the relation."""
+"""Diagnosis of sequential ordering: nodes without an arc, and the assignment bound."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["diagnose_ordering"]
 
 
 def diagnose_ordering(model: SequentialOrdering, time_limit: float | None = None) -> Diagnosis:
-    """Return the nodes that missing arcs isolate, a lower bound on every path, and the longest chain.
+    """Return the nodes that missing arcs isolate, and a lower bound on every path.
 
     Parameters
     ----------
@@ -32,18 +32,20 @@ def diagnose_ordering(model: SequentialOrdering, time_limit: float | None = None
     from scipy.optimize import linear_sum_assignment
 
     cost = costs_of(model)
+    length = min(length_of(cost, nearest_available(model, cost)), model.missing)
+    complete = length < model.missing
+    # No shorter path has an arc as long as this one, and the costs of others would cause rounding errors.
+    cost = np.minimum(cost, length)
     isolated = tuple(_isolated(model))
     tails, heads = linear_sum_assignment(cost[:-1, 1:])
     bound = float(cost[tails, heads + 1].sum())
     method = "arcs that the relation and the distances allow, and an assignment of successors"
-    if isolated or bound >= model.missing:
+    if not complete and (isolated or bound >= model.missing):
         word = "a node cannot be left or reached" if isolated else "arcs are missing"
         return Diagnosis(model.name, False, method, f"no order exists: {word}", isolated)
-    complete = length_of(cost, nearest_available(model, cost)) < model.missing
     word = "an order exists" if complete else "not decided, because arcs are missing"
-    findings = (_chain(model),) if model.pairs else ()
     summary = f"{word}; no order is shorter than {bound:.10g}"
-    return Diagnosis(model.name, True if complete else None, method, summary, findings)
+    return Diagnosis(model.name, True if complete else None, method, summary)
 
 
 def _isolated(model: SequentialOrdering) -> Iterator[Finding]:
@@ -56,23 +58,3 @@ def _isolated(model: SequentialOrdering) -> Iterator[Finding]:
                 "excludes them",
                 where=f"node {model.label(node)}", data={"node": node},
             )  # fmt: skip
-
-
-def _chain(model: SequentialOrdering) -> Finding:
-    """Return the number of ordered pairs of inner nodes, and the longest chain of the relation."""
-    length, former = np.ones(model.size, np.int64), np.full(model.size, -1)
-    for node in model.sorted_nodes[1:-1]:
-        before = model.links[model.links[:, 1] == node, 0]
-        if before.size:
-            former[node] = before[length[before].argmax()]
-            length[node] = 1 + length[former[node]]
-    chain = [int(length[:-1].argmax())]
-    while former[chain[-1]] >= 0:
-        chain.append(int(former[chain[-1]]))
-    inner, ordered = model.size - 2, int(model.closure[1:-1, 1:-1].sum())
-    names = " -> ".join(map(model.label, chain[::-1][:12])) + " …" * (len(chain) > 12)
-    return Finding(
-        f"the relation orders {ordered} of {inner * (inner - 1) // 2} pairs of inner nodes; its longest chain has "
-        f"{len(chain)}: {names}",
-        where="precedence", data={"ordered": ordered, "longest": chain[::-1]},
-    )  # fmt: skip
