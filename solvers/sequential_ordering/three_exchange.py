@@ -2,9 +2,11 @@
 
 Each iteration exchanges random adjacent segments, repairs the path by the local search of :mod:`.exchange_kernels`
 at the changed arcs, and accepts or reverses the result. The start is the path to the nearest available node. The
-costs are the reduced costs of the assignment problem, which change all paths by the same constant. Sources: L. M. Gambardella, M. Dorigo, INFORMS Journal on Computing 12, 2000 (exchange);
-O. Martin, S. W. Otto, E. W. Felten, "Large-step Markov chains for the traveling salesman problem", Complex Systems 5,
-1991 (iterated local search with the acceptance of annealing).
+costs are the reduced costs of the assignment problem, which change all paths by the same constant.
+
+Sources: L. M. Gambardella, M. Dorigo, INFORMS Journal on Computing 12, 2000 (exchange); O. Martin, S. W. Otto,
+E. W. Felten, "Large-step Markov chains for the traveling salesman problem", Complex Systems 5, 1991 (iterated local
+search with the acceptance of annealing).
 """
 
 from __future__ import annotations
@@ -120,7 +122,7 @@ class ThreeExchange(Backend):
         complete = value < problem.missing
         return Answer(
             Termination.FEASIBLE if complete else Termination.NO_SOLUTION,
-            (control.reason or Limit.INTERRUPTED) if control.stopped else None,
+            control.limit,
             SequentialOrderingPlan(tuple(shortest.tolist())) if complete else None,
             value if complete else None,
             seconds={"solve": clock() - begin},
@@ -158,6 +160,8 @@ class ThreeExchange(Backend):
                 share = max(share, 1.0 - left / request.time_limit)
             if lengths[1] < former:
                 self._report(model, cost, shortest, request)
+        if done < most and not request.control.stopped:  # the share of the time limit is used up
+            request.control.stop(Limit.TIME)
         return done
 
     @staticmethod

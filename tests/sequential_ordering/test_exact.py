@@ -215,3 +215,11 @@ def test_a_run_that_is_out_of_time_has_a_plan():
     found = ct.solve(generate_ordering(300, 1000, 5, 1), time_limit=1e-3)
     assert found.plan is not None
     assert found.limit is Limit.TIME
+
+
+def test_a_search_that_ends_with_its_time_names_the_limit():
+    backend, model = ThreeExchange(), generate_ordering(200, 1000, 5, 1)
+    options = backend.checked_options({"iterations": 10**9})
+    answer = backend.run(model, Request(options=options, time_limit=0.5))
+    assert answer.statistics["iterations"] < 10**9
+    assert answer.limit is Limit.TIME
