@@ -2,7 +2,7 @@
 
 The first node of a file is the start, and the last one is the end, at the place of the start. An
 entry of -1 in row i and column j means that node j precedes node i. Other entries are distances
-from i to j.
+from i to j. Files of SOPLIB contain only the rows of the matrix.
 
 Source: G. Reinelt, "TSPLIB: a traveling salesman problem library", ORSA Journal on Computing 3, 1991.
 """
@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData, UnsupportedFormulation
-from ...files import as_path, write_text
+from ...files import as_path, read_text, write_text
 from ...models.fields import required
 from ...models.guided_path.data import MOST_DENSE
 from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ..sections import KeywordFile
+from ..tables import NUMBER
 
 __all__ = ["INFINITE", "read_matrix", "read_sop", "sop_text", "write_sop"]
 
@@ -164,9 +165,13 @@ def _places(matrix: Floats, before: NDArray[np.bool_]) -> Floats:
 
 def _matrix(file: Path, most: int, field: str) -> Floats:
     """Return the distance matrix of a file."""
-    content = KeywordFile.read(file, _KNOWN)
-    for keyword, allowed in _HEAD.items():
-        content.require(keyword, allowed)
+    rows = [words for line in read_text(file).splitlines() if (words := line.split())]
+    if rows and NUMBER.fullmatch(rows[0][0]):  # SOPLIB has no keywords
+        content = KeywordFile(file, {"DIMENSION": str(len(rows))}, {"EDGE_WEIGHT_SECTION": rows})
+    else:
+        content = KeywordFile.read(file, _KNOWN)
+        for keyword, allowed in _HEAD.items():
+            content.require(keyword, allowed)
     size = content.size(3 if field == "coordinates" else 2, most)
     numbers = content.numbers("EDGE_WEIGHT_SECTION", field)
     # The section may begin with the dimension, whereas a matrix begins with the 0 of its diagonal.

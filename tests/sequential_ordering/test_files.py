@@ -53,6 +53,10 @@ def test_a_file_is_a_model(tmp_path):
     lacks = read_ordering(written(tmp_path, SOP))
     bare = read_ordering(written(tmp_path, SOP.replace("SECTION\n4\n", "SECTION\n")))
     assert bare.digest == lacks.digest
+    rows = SOP.split("SECTION\n4\n")[1].replace("EOF\n", "\n")  # as in SOPLIB
+    assert ct.load(written(tmp_path, rows)).digest == lacks.digest
+    with pytest.raises(InvalidData, match="must hold 4 × 4 numbers, got 15"):
+        ct.load(written(tmp_path, rows.replace(" 7 ", " ")))
     assert np.isinf(lacks.distances[2, 3])
     assert ct.solve(lacks).termination == "infeasible"
     larger = read_ordering(written(tmp_path, SOP.replace(" 0  2  6", " 0  2 1000001")))

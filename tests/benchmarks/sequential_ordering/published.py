@@ -20,7 +20,7 @@ from crosstrack.instances.sequential_ordering import generate_ordering
 from crosstrack.jit import compile_always
 
 PUBLIC = ROOT.parent / "shared" / "data" / "sop"
-#: Best known values of TSPLIB's list. All are proven in the literature.
+#: Best known values of TSPLIB's list.
 TSPLIB = {
     "ESC07": 2125, "ESC12": 1675, "br17.10": 55, "br17.12": 55, "ft53.1": 7531, "p43.1": 28140,
 }  # fmt: skip
