@@ -28,7 +28,7 @@ class Zones(Spec):
     def coerce(
         self, name: str, value: Any, sizes: dict[str, tuple[int, str]]
     ) -> tuple[Floats, ...]:
-        if not isinstance(value, list | tuple | np.ndarray):
+        if not isinstance(value, list | tuple | np.ndarray) or getattr(value, "ndim", 1) == 0:
             raise InvalidData(f"{name} must be a list of zones, got {show(value)}", field=name)
         return tuple(self._zone(f"{name}[{row}]", item, name) for row, item in enumerate(value))
 
@@ -123,43 +123,37 @@ def _towards(piece: Piece, goal: complex) -> list[float]:
         roots = [((goal - place) * cmath.rect(1.0, -heading)).real]
     else:
         middle = place + cmath.rect(1.0 / bend, heading + 0.5 * math.pi)
-        roots = _turned(piece, cmath.phase((goal - middle) / (place - middle)))
-        roots += _turned(piece, cmath.phase((middle - goal) / (place - middle)))
+        angle = cmath.phase((goal - middle) / (place - middle))
+        roots = [_turned(bend, angle), _turned(bend, angle + math.pi)]
     return [s for s in roots if 0.0 < s < length]
 
 
-def _turned(piece: Piece, angle: float) -> list[float]:
+def _turned(bend: float, angle: float) -> float:
     """Return the length at which an arc has turned by `angle` (rad) about its centre."""
-    bend = piece[2]
-    return [math.fmod(math.copysign(1.0, bend) * angle + 2 * math.pi, 2 * math.pi) / abs(bend)]
+    return math.copysign(1.0, bend) * angle % (2 * math.pi) / abs(bend)
 
 
 def _crossings(piece: Piece, a: complex, b: complex) -> list[float]:
-    """Return the lengths at which a primitive crosses the edge from `a` to `b`."""
+    """Return the lengths at which a primitive crosses the line through the edge from `a` to `b`.
+
+    Additional cuts are harmless: crossings beyond the edge, and the points of an arc that are nearest to a
+    line that it misses. Without them, rounding could lose a crossing at a corner or a contact.
+    """
     place, heading, bend, length = piece
-    along = b - a
-    if bend == 0.0:
-        way = cmath.rect(1.0, heading)
-        slope = (way.conjugate() * along).imag
-        if slope == 0.0:
-            return []
-        s = ((a - place).conjugate() * along).imag / slope
-        share = ((a - place).conjugate() * way).imag / slope
-        return [s] if 0.0 < s < length and 0.0 <= share <= 1.0 else []
-    middle = place + cmath.rect(1.0 / bend, heading + 0.5 * math.pi)
-    size = abs(along)
-    foot = ((middle - a) * along.conjugate()).real / size if size else 0.0
-    aside = ((middle - a) * along.conjugate()).imag / size if size else math.inf
-    room = 1.0 / bend**2 - aside**2
-    if room <= 0.0:
+    if a == b:
         return []
-    ends = [foot - math.sqrt(room), foot + math.sqrt(room)]
-    points = [a + along * (end / size) for end in ends if 0.0 <= end <= size]
-    roots = [
-        s
-        for point in points
-        for s in _turned(piece, cmath.phase((point - middle) / (place - middle)))
-    ]
+    across = (b - a).conjugate() / abs(b - a)
+    way = cmath.rect(1.0, heading)
+    if bend == 0.0:
+        slope = (way * across).imag
+        roots = [((a - place) * across).imag / slope] if slope else []
+    else:
+        middle = place + 1j * way / bend
+        # The distance of the arc from the line is a sine of the angle about the centre.
+        share = ((a - middle) * across).imag * abs(bend)
+        angle = math.asin(min(max(share, -1.0), 1.0))
+        begin = cmath.phase((place - middle) * across)
+        roots = [_turned(bend, angle - begin), _turned(bend, math.pi - angle - begin)]
     return [s for s in roots if 0.0 < s < length]
 
 

@@ -135,7 +135,7 @@ class _Round:
             turns = 2 * math.pi * (np.arange(AROUND) + self.draw.random()) / AROUND
             places = complex(*zone[:2]) + out * np.exp(1j * turns)
         else:
-            corners = zone @ [1, 1j]
+            corners = zone[np.any(zone != np.roll(zone, 1, axis=0), axis=1)] @ [1, 1j]
             before, after = corners - np.roll(corners, 1), np.roll(corners, -1) - corners
             turns = np.angle(before / np.abs(before) - after / np.abs(after))
             # A reflex corner points inwards; its pose is then unused, because paths are checked.

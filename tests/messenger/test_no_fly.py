@@ -66,6 +66,26 @@ def test_the_depth_in_a_polygon_is_positive_exactly_if_samples_are_inside(zone):
     assert 20 < entered < 140
 
 
+@pytest.mark.parametrize(
+    ("piece", "least"),
+    [
+        ((-1j, 0.0, 1.0, 6.3), 0.29),  # inscribed: touches every edge
+        ((-3 + 0j, 1.5 * math.pi, 0.5, 14.0), 0.17),  # through two corners
+        ((0j, 0.5 * math.pi, -2.0, 6.3), 0.49),  # through the centre, touches an edge
+        ((-2 - 2j, 0.25 * math.pi, 0.0, 6.0), 0.99),  # diagonal
+        ((-3 - 1j, 0.0, 0.0, 6.0), 0.0),  # along an edge
+        ((3 + 1j, math.pi, 1e-9, 14.0), 0.0),  # nearly along an edge
+    ],
+)
+@pytest.mark.parametrize("zone", [SQUARE, SQUARE[::-1]])
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
+def test_corners_and_contacts_do_not_hide_a_crossing(piece, least, zone, scale):
+    place, heading, bend, length = piece
+    result = depth(zone * scale, (place * scale, heading, bend / scale, length * scale)) / scale
+    assert result >= least
+    assert least > 0 or result < 1e-6
+
+
 def wall(**fields):
     """Return a model whose straight flight to the first vehicle crosses a disc and a polygon."""
     zones = [[0.0, 40.0, 15.0], [[-60, 60], [-20, 60], [-40, 90]]]
@@ -143,13 +163,22 @@ def test_json_and_plot_contain_the_zones():
     [
         3, "disc", [[1, 2]], [[1, 2, 0]], [[1, 2, -3]], [[1, 2, math.nan]], [[[0, 9], [1, 9]]],
         [[[0, 9], [1, 9], [2, 9]]], [[[0, 9, 1], [1, 9, 1], [2, 8, 1]]], [[0, 0, 5]], [None], [[]],
-        [[[-9, -9], [9, -9], [0, 20]]],
+        [[[-9, -9], [9, -9], [0, 20]]], np.array(3.0), [[[0, 9], [1]]],
     ],
 )  # fmt: skip
 def test_rejects_invalid_zones(zones):
     with pytest.raises(InvalidData, match="no_fly") as error:
         MessengerTour([[0, 90]], no_fly=zones)
     assert error.value.field.startswith("no_fly")
+
+
+def test_a_repeated_corner_does_not_end_the_search():
+    corners = [[-5, 50], [-5, 50], [5, 50], [5, 60], [-5, 60]]
+    best = ct.solve(MessengerTour([[0, 90]], no_fly=[corners]), seed=1, time_limit=20)
+    plain = ct.solve(MessengerTour([[0, 90]], no_fly=[corners[1:]]), seed=1, time_limit=20)
+    assert best.plan is not None and best.primal_bound == pytest.approx(
+        plain.primal_bound, rel=0.02
+    )
 
 
 def test_rejects_zones_in_wind():
