@@ -15,7 +15,7 @@ from .data import TourData
 from .plan import SIGNS, TourPlan
 from .zones import depth, size_of
 
-__all__ = ["UNDECIDABLE", "decidable_length", "integrated", "verify_tour"]
+__all__ = ["UNDECIDABLE", "check_start", "decidable_length", "integrated", "verify_tour"]
 
 Floats = NDArray[np.float64]
 
@@ -110,7 +110,7 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
         Check.count("legs in order", float(stray), unit="primitives"),
         worst("lengths at least 0", -lengths, pieces, 0.0),
         *_joined(model, plan, poses, tolerance),
-        *_started(model, plan, tolerance, float(size.min())),
+        *check_start(model, plan, tolerance),
         worst("length flown is speed times time", time_error, names, size[met], digits=lost),
         worst("encounter at its point", point_error, names, size[met], digits=lost),
         worst("encounter within radius", apart, names, size[met], model.radius[met], digits=lost),
@@ -121,7 +121,7 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
         for row, data in enumerate(zip(poses[:-1].tolist(), bends.tolist(), lengths, strict=True)):
             (x, y, heading), bend, length = data
             piece = (complex(x, y), heading, bend, max(float(length), 0.0))
-            if np.isfinite([*piece[:1], *piece[1:]]).all():
+            if np.isfinite(piece).all():
                 inside[row] = max(depth(zone, piece) for zone in model.no_fly)
         scale = min(map(size_of, model.no_fly))
         checks.append(worst("clear of no-fly zones", np.maximum(inside, 0.0), pieces, scale))
@@ -180,9 +180,9 @@ def _joined(model: TourData, plan: TourPlan, poses: Floats, tolerance: float) ->
     ]
 
 
-def _started(model: TourData, plan: TourPlan, tolerance: float, size: float) -> list[Check]:
+def check_start(model: TourData, plan: TourPlan, tolerance: float) -> list[Check]:
     """Return the checks of the position and the heading at the start."""
-    checks = []
+    checks, size = [], float(_sizes(model).min())
     if model.start is not None:
         off = float(np.hypot(*(plan.start[:2] - model.start[:2])))
         noise = DIGITS * float(np.abs(model.start[:2]).max())

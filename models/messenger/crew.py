@@ -1,4 +1,4 @@
-"""Several UAVs: their starts as a field, and the verification of a plan by one tour per UAV."""
+"""Verification of a plan of several UAVs by one tour per UAV."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..verification import Check, Verification, check_entries
-from .checks import verify_tour
+from .checks import check_start, verify_tour
 from .data import TourData
 from .plan import TourPlan
 
@@ -25,6 +25,9 @@ def verify_crew(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
     starts = model.starts
     parts = plan.parts()
     stray = [] if len(parts) == len(starts) else [f"{len(parts)} UAVs instead of {len(starts)}"]
+    flights = sum(len(part.primitives) for part in parts)
+    if flights != len(plan.primitives):
+        stray.append(f"{len(plan.primitives) - flights} primitives of no UAV")
     checks = [
         Check.count("each vehicle met once", wrong, unit="vehicles"),
         Check.count("one tour per UAV", stray, unit="UAVs"),
@@ -35,10 +38,13 @@ def verify_crew(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
             alone = replace(part, order=tuple(range(len(part.order))))
             result = verify_tour(model.share(k, part.order), alone, tolerance)
             longest = max(longest, result.objective or 0.0)
-            checks += [replace(item, name=f"{item.name} (UAV {k})") for item in result.checks]
+            more = result.checks
         else:
             pieces = [f"primitive {row}" for row in range(len(part.primitives))]
-            checks.append(
-                Check.count(f"no flight without vehicles (UAV {k})", pieces, unit="primitives")
+            idle = replace(model, start=starts[k], uavs=None)
+            more = (
+                Check.count("no flight without vehicles", pieces, unit="primitives"),
+                *check_start(idle, part, tolerance),
             )
+        checks += [replace(item, name=f"{item.name} (UAV {k})") for item in more]
     return Verification(longest, tuple(checks), scale=0.0)

@@ -42,7 +42,7 @@ class Crew(Array):
     """Start of each UAV, shape (m, 2) or (m, 3), or their number m, stored as shape (m, 0)."""
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> NDArray[Any]:
-        if np.ndim(value) == 0:
+        if not isinstance(value, list | tuple) and np.ndim(value) == 0:
             value = np.zeros((Whole(1, 10_000).coerce(name, value, {}), 0))
         starts = super().coerce(name, value, sizes)
         if not len(starts) or starts.shape[1] not in (0, 2, 3):
@@ -93,9 +93,8 @@ class TourData(Model[TourPlan]):
             object.__setattr__(self, "velocities", rest)
         for name in ("wind", "home_velocity"):
             value = getattr(self, name)
-            if (
-                value is not None and not value.any()
-            ):  # calm air and a home at rest are the defaults
+            # Calm air and a home at rest are the defaults.
+            if value is not None and not value.any():
                 object.__setattr__(self, name, None)
         self._check_crew()
         self._check_zones()

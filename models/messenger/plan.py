@@ -123,6 +123,12 @@ class TourPlan(Plan):
                 f"{show(self.shares)}",
                 field="shares",
             )
+        if self.starts is not None and not np.array_equal(self.start, self.starts[0]):
+            raise InvalidData(
+                f"start must be that of the first UAV, {show(self.starts[0].tolist())}, got "
+                f"{show(self.start.tolist())}",
+                field="start",
+            )
 
     @property
     def length(self) -> float:

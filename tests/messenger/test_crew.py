@@ -89,9 +89,23 @@ def test_verification_finds_wrong_tours(solved):
     )
     assert not model.verify(TourPlan.join([idle, idle])).ok
     assert "one tour per UAV" in {check.name for check in model.verify(parts[0]).violated}
+    data = best.plan.to_data()
+    stray = {**data["primitives"][0], "leg": 99}
+    lost = TourPlan.from_data({**data, "primitives": [*data["primitives"], stray]})
+    assert [check.name for check in model.verify(lost).violated] == ["one tour per UAV"]
+    with pytest.raises(InvalidData, match="that of the first UAV"):
+        TourPlan.from_data({**data, "start": [9, 9, 9]})
     single = MessengerTour(*FIELD)
     with pytest.raises(InvalidData, match="shares must be empty"):
         single.verify(best.plan)
+
+
+def test_verification_checks_the_start_of_an_unused_uav():
+    model = MessengerTour([[0, 90]], uavs=[[0, 0, 1.5], [400, 0, 1.5]])
+    plan = ct.solve(model, seed=1).plan
+    assert plan.shares == (1, 0) and model.verify(plan).ok
+    moved = TourPlan.from_data({**plan.to_data(), "starts": [[0, 0, 1.5], [7, 0, 1.5]]})
+    assert [check.name for check in model.verify(moved).violated] == ["starts at its place (UAV 1)"]
 
 
 def test_other_methods_refuse_several_uavs_by_name(solved):
@@ -123,7 +137,8 @@ def test_one_uav_is_the_default():
     [
         ({"uavs": 0}, "uavs"), ({"uavs": 2.5}, "uavs"), ({"uavs": True}, "uavs"),
         ({"uavs": []}, "uavs"), ({"uavs": [[1]]}, "uavs"), ({"uavs": "two"}, "uavs"),
-        ({"uavs": [[0, 0, np.nan]]}, "uavs"), ({"uavs": [[1, 2], [3, 4]], "start": [5, 5]}, "start"),
+        ({"uavs": [[0, 0, np.nan]]}, "uavs"), ({"uavs": [[0, 0], [1, 2, 3]]}, "uavs"),
+         ({"uavs": [[1, 2], [3, 4]], "start": [5, 5]}, "start"),
         ({"uavs": 2, "start": None, "closed": True, "velocities": None}, "start"),
     ],
 )  # fmt: skip
