@@ -16,7 +16,7 @@ from ...models.messenger.plan import TourPlan
 from ..contract.backend import Answer, Feature, Guarantee, Limit, Option, Request, Termination
 from .bound import CurvatureBound
 from .extensions import TourBackend
-from .search import TourSearch
+from .search import TourSearch, nearest_tour
 
 __all__ = ["CrewSearch"]
 
@@ -86,11 +86,12 @@ class CrewSearch(TourBackend):
 
 @dataclass
 class _Crew:
-    """One run: the tours found so far by start and vehicles, and the best plan."""
+    """One run: the tours by start and vehicles, those searched for thoroughly, and the best plan."""
 
     problem: MessengerTour
     request: Request
     tours: dict[tuple[int, frozenset[int]], TourPlan | None] = field(default_factory=dict)
+    finished: set[tuple[int, frozenset[int]]] = field(default_factory=set)
     sets: Sets = ()
     plan: TourPlan | None = None
     length: float = math.inf
@@ -104,20 +105,25 @@ class _Crew:
     @property
     def limit(self) -> Limit | None:
         """Limit that ended the run, or None."""
-        control = self.request.control
-        if control.stopped:
-            return control.reason or Limit.INTERRUPTED
-        return Limit.TIME if self.request.left() == 0.0 else None
+        ended = self.request.left() == 0.0
+        return self.request.control.limit or (Limit.TIME if ended else None)
 
     def bound(self) -> float:
         """Return a lower bound (m) on the latest finish."""
-        best = 0.0
-        for k in range(self.problem.size):
-            bounds = []
+        best, problem = 0.0, self.problem
+        soonest = np.min([
+            chase(problem.positions - start[:2], problem.velocities, problem.speed)
+            for start in problem.starts
+        ], axis=0)  # fmt: skip
+        # The last vehicles to be met come first. The others then rarely require a second UAV.
+        for k in np.argsort(-soonest).tolist():
+            least = math.inf
             for uav in sorted(set(self.base)):
-                answer = self.request.within(CurvatureBound(), self.problem.share(uav, [k]))
-                bounds.append(answer.dual_bound or 0.0)
-            best = max(best, min(bounds))
+                answer = self.request.within(CurvatureBound(), problem.share(uav, [k]))
+                least = min(least, answer.dual_bound or 0.0)
+                if least <= best:
+                    break
+            best = max(best, least)
         return best
 
     def first(self) -> Sets:
@@ -144,21 +150,26 @@ class _Crew:
         if not vehicles:
             return 0.0
         key = self.base[uav], vehicles
-        if key not in self.tours or thorough:
+        if key not in self.tours or (thorough and key not in self.finished):
             rows, left = sorted(vehicles), self.request.left()
+            alone = self.problem.share(uav, rows)
             answer = self.request.within(
-                TourSearch(), self.problem.share(uav, rows), seed=self.request.seed or 0,
+                TourSearch(), alone, seed=self.request.seed or 0,
                 options=THOROUGH if thorough else QUICK,
                 # Leave time for the tours of the other UAVs.
                 time_limit=None if left is None else left / (2 * len(self.base)),
             )  # fmt: skip
             plan, known = answer.point, self.tours.get(key)
+            if plan is None and self.plan is None:
+                plan = nearest_tour(alone, self.request)
             if plan is not None and (known is None or plan.length < known.length):
                 known = TourPlan(
                     tuple(rows[k] for k in plan.order), plan.times, plan.points, plan.start,
                     plan.primitives,
                 )  # fmt: skip
             self.tours[key] = known
+            if thorough:
+                self.finished.add(key)
         result = self.tours[key]
         return math.inf if result is None else result.length
 
@@ -170,6 +181,8 @@ class _Crew:
             improved, lengths = False, [self.tour(*item) for item in enumerate(sets)]
             last = int(np.argmax(lengths))
             for trial, uav in self.neighbours(sets, last):
+                if self.limit is not None:
+                    break
                 others = [x for k, x in enumerate(lengths) if k not in (last, uav)]
                 latest = max(self.tour(last, trial[last]), self.tour(uav, trial[uav]), *others)
                 if latest < lengths[last] * (1 - GAIN):

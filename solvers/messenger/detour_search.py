@@ -93,10 +93,7 @@ class DetourSearch(TourBackend):
             offer(_Round(problem, request, draw).plan())
             rounds += 1
             optimal = best is not None and best.length - bound <= request.gap * best.length
-            if request.control.stopped:
-                limit = request.control.reason or Limit.INTERRUPTED
-            elif request.left() == 0.0:
-                limit = Limit.TIME
+            limit = request.control.limit or (Limit.TIME if request.left() == 0.0 else None)
         if best is None:
             message = "no tour clear of the zones was found, which does not prove that none exists"
             return Answer(Termination.NO_SOLUTION, limit, dual_bound=bound, message=message)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -30,7 +30,7 @@ from .extensions import TourBackend
 from .last_leg import fly_to_rims, shorten_last_leg
 from .ordering import anneal_order
 
-__all__ = ["TourSearch"]
+__all__ = ["TourSearch", "nearest_tour"]
 
 #: Temperatures relative to the length of the tour: at a start, at a reheating, and at the end of both.
 HOT, WARM, COLD = 0.3, 0.02, 1e-3
@@ -388,3 +388,13 @@ class _Search:
             self.request.control.incumbent(plan.length, plan)
         elif any(UNDECIDABLE in check.where for check in verification.checks):
             self.undecidable = min(self.undecidable, plan.length)
+
+
+def nearest_tour(problem: MessengerTour, request: Request) -> TourPlan | None:
+    """Return the tour of :meth:`_Search.fly_nearest`, also after the time of `request` is over."""
+    backend = TourSearch()
+    with request.control.stage(None) as control:
+        options = backend.checked_options({})
+        search = _Search(backend, problem, replace(request, control=control, options=options))
+        search.fly_nearest()
+    return search.best

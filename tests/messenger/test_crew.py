@@ -1,5 +1,6 @@
 """Several UAVs: brute force over assignments, bounds, verification, refusals, plots and files."""
 
+import dataclasses
 import itertools
 import json
 
@@ -9,6 +10,7 @@ from messenger.extended import shortest_flight
 
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
+from crosstrack.instances.messenger import generate
 from crosstrack.instances.messenger.samples import write_tour_samples
 from crosstrack.models import MessengerTour
 from crosstrack.models.messenger import TourPlan
@@ -106,6 +108,12 @@ def test_verification_checks_the_start_of_an_unused_uav():
     assert plan.shares == (1, 0) and model.verify(plan).ok
     moved = TourPlan.from_data({**plan.to_data(), "starts": [[0, 0, 1.5], [7, 0, 1.5]]})
     assert [check.name for check in model.verify(moved).violated] == ["starts at its place (UAV 1)"]
+
+
+def test_a_tiny_time_limit_still_gives_a_plan():
+    model = dataclasses.replace(generate(60, 8.0, 1), uavs=3)
+    best = ct.solve(model, time_limit=1e-3, seed=1)
+    assert best.plan is not None and model.verify(best.plan).ok
 
 
 def test_other_methods_refuse_several_uavs_by_name(solved):
