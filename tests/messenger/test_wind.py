@@ -45,6 +45,7 @@ def drawn(seed):
 def test_no_flight_found_by_brute_force_is_shorter_than_a_bound(seed):
     model = drawn(seed)
     best = shortest_flight(model)
+    assert math.isfinite(best)
     plain, curved = (
         ct.solve(model, f"{name}-bound").dual_bound for name in ("euclidean", "curvature")
     )
@@ -161,9 +162,13 @@ def test_plot_and_export_show_places_over_the_ground(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("block", range(10))
 def test_the_bounds_in_wind_hold_on_two_hundred_cases(block):
+    usable = 0
     for seed in range(1000 + 20 * block, 1020 + 20 * block):
         model = drawn(seed)
+        best = shortest_flight(model)
         bounds = [
             ct.solve(model, f"{name}-bound").dual_bound for name in ("euclidean", "curvature")
         ]
-        assert max(bounds) <= shortest_flight(model) * (1 + 1e-6)
+        assert max(bounds) <= best * (1 + 1e-6)
+        usable += math.isfinite(best)
+    assert usable >= 15
