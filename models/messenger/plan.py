@@ -180,4 +180,5 @@ class TourPlan(Plan):
         return tuple(primitive for primitive in self.primitives if primitive.leg == number)
 
     def __str__(self) -> str:
-        return f"{'-'.join(map(str, self.order))}, {self.length:.10g} m"
+        orders = ["-".join(map(str, part.order)) for part in self.parts()]
+        return f"{' | '.join(orders)}, {self.length:.10g} m"

@@ -18,7 +18,7 @@ _ARROW = 0.1
 
 
 def draw_fields(model: MessengerTour, plan: TourPlan | None, axes: Any, scale: float) -> None:
-    """Draw the zones, the wind as an arrow at the start, and the track of the home during `plan`."""
+    """Draw the zones, the wind as an arrow at the start, and the track of each home during `plan`."""
     look: dict[str, Any] = {
         "facecolor": _ZONE, "edgecolor": _ZONE, "alpha": 0.3, "zorder": 1, "gid": "no-fly",
     }  # fmt: skip
@@ -35,10 +35,12 @@ def draw_fields(model: MessengerTour, plan: TourPlan | None, axes: Any, scale: f
             width=0.006, zorder=6, gid="wind",
         )  # fmt: skip
     if model.home_velocity is not None and plan is not None:
-        way = model.home_velocity * (plan.length / model.speed)
-        track = np.array([plan.start[:2], plan.start[:2] + way]) * scale
+        tracks = np.array([
+            [part.start[:2], part.start[:2] + model.home_velocity * (part.length / model.speed)]
+            for part in plan.parts()
+        ])  # fmt: skip
         kit.draw_lines(
-            axes, track[None], linewidths=0.9, color=kit.BLACK, ls="--", zorder=3, gid="home"
+            axes, tracks * scale, linewidths=0.9, color=kit.BLACK, ls="--", zorder=3, gid="home"
         )
 
 

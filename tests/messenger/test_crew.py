@@ -70,6 +70,7 @@ def test_the_same_seed_gives_the_same_plan_within_which_each_tour_stands_alone(s
     parts = best.plan.parts()
     assert sorted(k for part in parts for k in part.order) == [0, 1, 2, 3]
     assert TourPlan.join(parts) == best.plan
+    assert str(best.plan).count(" | ") == 1
     assert best.primal_bound == pytest.approx(max(part.length for part in parts))
     assert TourPlan.from_data(json.loads(json.dumps(best.plan.to_data()))) == best.plan
     one = ct.solve(MessengerTour(*FIELD, start=[0, 0, 0], wind=[1, 0], closed=True), seed=3)
@@ -165,6 +166,10 @@ def test_plot_animation_and_export_show_every_uav(solved, tmp_path):
     assert len(paths) == 2
     assert ct.plot(model, TourPlan.join(best.plan.parts()[::-1])) is not None
     animate_tour(model, best, frames=2).save(tmp_path / "tour.gif", writer="pillow", dpi=30)
+    moving = dataclasses.replace(model, home_velocity=[1, 1])
+    figure = ct.plot(moving, ct.solve(moving, seed=1, time_limit=2))
+    homes = [a for axes in figure.axes for a in axes.get_children() if a.get_gid() == "home"]
+    assert sum(len(lines.get_segments()) for lines in homes) == 2
     path = write_tour_samples(best.plan, tmp_path / "path.csv", model=model, rate=2.0)
     rows = np.genfromtxt(path, delimiter=",", names=True)
     for uav, part in enumerate(best.plan.parts()):
