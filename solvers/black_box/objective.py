@@ -211,7 +211,8 @@ class Objective:
     def search_in_parts(self, search: Any) -> Mapping[str, Any]:
         """Run a search that uses the size of values; with constraints in parts with fixed multipliers."""
         if not self.constraints.scales.size:
-            return search.search(self)
+            statistics: Mapping[str, Any] = search.search(self)
+            return statistics
         count = max(min(10 + 2 * self.dimension, self.left // 20), 1)
         sample = latin_hypercube(self.generator, count, self.dimension)
         self.constraints.begin(self.table(self.point(sample)))
@@ -339,7 +340,8 @@ class Objective:
         self.options = search.checked_options(options)
         if self.x is not None:
             self.start = np.clip(self.unit(self.x), 0.0, 1.0)
-        return search.explore(self)
+        statistics: Mapping[str, Any] = search.explore(self)
+        return statistics
 
     def affordable(self, seconds: float) -> int:
         """Return how many of the granted evaluations the time limit allows if each takes `seconds`."""
