@@ -23,6 +23,8 @@ __all__ = ["CmaEs", "ParticleSwarm"]
 _DOUBLED = 9
 #: Value for the model at a point without a value, before the first point with one.
 _MISSING = 1e10
+#: Largest value for the model, which computes products of values.
+_LARGEST = 1e100
 #: Extent of all particles' best positions, as a share of the cube, at which a swarm has converged.
 _CONVERGED = 1e-8
 
@@ -85,7 +87,9 @@ class CmaEs(BlackBoxBackend):
         def value(x: Any) -> float:
             """Return the value at a point; no value becomes the largest one of the model."""
             result = float(objective(np.asarray(x, float)[None, :d])[0])
-            return result if np.isfinite(result) else float(max(model.model.F, default=_MISSING))
+            if not np.isfinite(result):
+                return float(max(model.model.F, default=_MISSING))
+            return min(max(result, -_LARGEST), _LARGEST)
 
         # A quadratic model cannot follow the steps between feasible and infeasible points.
         has_model = objective.options["surrogate"] and objective.problem.columns == 1
@@ -101,7 +105,8 @@ class CmaEs(BlackBoxBackend):
                     points = search.ask()
                     if has_model:
                         search.tell(points, model(points))
-                        search.inject([model.model.xopt])
+                        if np.isfinite(model.model.xopt).all():
+                            search.inject([model.model.xopt])
                     else:
                         search.tell(points, objective(np.array(points)[:, :d]).tolist())
             if restarts < _DOUBLED:

@@ -210,8 +210,11 @@ def _transformed(values: Floats) -> Floats:
     rest = ~(worse | missing)
     shown = np.zeros(len(values))
     if rest.any():
-        best, linear, worst = np.quantile(values[rest], (0.0, _LINEAR, 1.0))
-        ratio = (values[rest] - best) / (linear - best or worst - best or 1.0)
+        halves = 0.5 * values[rest]  # whose differences are finite
+        best, linear, worst = np.quantile(halves, (0.0, _LINEAR, 1.0))
+        with np.errstate(over="ignore"):
+            ratio = (halves - best) / (linear - best or worst - best or 1.0)
+        ratio = np.minimum(ratio, 1e300)
         shown[rest] = np.where(ratio > 1.0, 1.0 + np.log(np.maximum(ratio, 1.0)), ratio)
     if worse.any():
         size = np.log(values[worse])
