@@ -69,7 +69,8 @@ class Record:
             first = json.dumps(header).encode()
             if not first.startswith(content):  # not the header of a run that was killed
                 self._refuse(1, f"must be the header of a record, got {show(content[:40])}")
-            os.ftruncate(self._descriptor, 0)
+            if content:
+                os.ftruncate(self._descriptor, 0)
             self._write(header)
             return
         stored = self._parsed(lines[0], 1)
@@ -88,7 +89,8 @@ class Record:
             if not isinstance(error, str):
                 self._refuse(number, f"error must be a text, got {show(error)}")
             self._known[x.tobytes()].append((values, error))
-        os.ftruncate(self._descriptor, end)
+        if end < len(content):  # otherwise another run may append at present
+            os.ftruncate(self._descriptor, end)
 
     def _parsed(self, line: bytes, number: int) -> dict[str, Any]:
         try:

@@ -40,7 +40,7 @@ class BlackBoxBackend(Backend):
     grows: ClassVar[str] = ""
 
     def refuses(self, problem: BlackBoxMinimisation) -> str:
-        """Return the reason if there are too many variables, else an empty string."""
+        """Return the reason if there are too many variables or objectives, else an empty string."""
         if problem.objectives > 1 and not self.several_objectives:
             return f"it does not support several objectives, got {problem.objectives}"
         free = int((problem.highs > problem.lows).sum())
