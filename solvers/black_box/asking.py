@@ -185,7 +185,8 @@ class AskTell:
         xs : array_like, shape (k, d) or (d,)
             Points from :meth:`ask`.
         values : array_like, shape (k,), (k, columns) or (columns,)
-            Their values: objectives, inequalities, equalities. NaN or infinity marks a point without a value.
+            Their values: objectives, inequalities, equalities. NaN or infinity marks a point without a value. With
+            `repeats` the value of a point is the mean of its evaluations, all of which count.
 
         Raises
         ------
