@@ -186,7 +186,7 @@ class AskTell:
             Points from :meth:`ask`.
         values : array_like, shape (k,), (k, columns) or (columns,)
             Their values: objectives, inequalities, equalities. NaN or infinity marks a point without a value. With
-            `repeats` the value of a point is the mean of its evaluations, all of which count.
+            `repeats` the value of a point is the mean of its evaluations, and each of them counts.
 
         Raises
         ------
