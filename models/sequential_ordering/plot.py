@@ -62,7 +62,7 @@ def draw(
         kit.label_axes(foot, y="length (–)")
     names = [model.label(node) for node in order]
     named = labels if labels is not None else len(order) <= _MOST_NAMES
-    kit.label_axes(foot, "node" if named else "stop (number)")
+    kit.label_axes(foot, "node (name)" if named else "stop (number)")
     if named:
         upright = max(map(len, names), default=0) > 3
         foot.set_xticks(range(len(order)), names, fontsize=7, rotation=90 * upright)
