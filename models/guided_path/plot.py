@@ -218,7 +218,7 @@ def _draw_tour(
     kit.dots(axes, np.concatenate([line[[0, -1]] for line in lines]), "s", "white", **_START)
     times = np.bincount(served, minlength=model.size)
     never = np.flatnonzero(times[1:] == 0) + 1
-    missed = np.column_stack([model.positions[never] * scale, np.zeros(len(never))])
+    missed = np.column_stack([model.positions[never] * scale, np.full(len(never), at[0, 1])])
     _mark(axes, never, missed, owners)
     repeated = at[1:-1][times[served] > 1]
     return keys + kit.ring(axes, np.concatenate([repeated, missed]), "not served once")
@@ -227,9 +227,9 @@ def _draw_tour(
 def _draw_windows(model: GuidedPathTour, walk: Walk, axes: Any, at: kit.Floats) -> list[Any]:
     """Draw the time window of each stop as a bar; return the entry of the legend."""
     assert model.windows is not None
-    high = axes.get_ylim()[0]
+    high, low = axes.get_ylim()
     for (x, _), (earliest, latest) in zip(at[:-1], model.windows[walk.stops[:-1]], strict=True):
-        times = [max(earliest, 0.0), min(latest, high)]
+        times = np.clip([earliest, latest], low, high)
         axes.plot([x, x], times, color=kit.GREY, lw=4, alpha=0.35, zorder=2, gid="window")
     return [kit.key("time window", color=kit.GREY, lw=4, alpha=0.35)]
 
@@ -380,8 +380,8 @@ def dress_walk(axes: Any, walk: Walk, scale: float, over: str = "walked") -> kit
         down, words = walk.walked * size, f"walked ({unit})"
     else:
         down, words = np.arange(len(walk.stops), dtype=float), "stops (number)"
-    around = 0.03 * float(down[-1]) or 0.5
-    axes.set_ylim(float(down[-1]) + around, -around)
+    around = 0.03 * float(down[-1] - down[0]) or 0.5
+    axes.set_ylim(float(down[-1]) + around, float(down[0]) - around)
     kit.label_axes(axes, y=words)
     axes.yaxis.set_major_formatter(lambda value, _: kit.number(value, 7))
     return np.column_stack([walk.places * scale, down])

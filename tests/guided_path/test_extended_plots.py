@@ -34,6 +34,17 @@ def test_time_shows_windows_waiting_and_service():
     assert len(bars) == 3
 
 
+@pytest.mark.parametrize("departs", [-50.0, 28_800.0])
+def test_the_time_axis_begins_at_the_departure(departs):
+    windows = [[departs, None], [departs + 2, departs + 9]]
+    model = GuidedPathTour([0, 4], speed=2.0, windows=windows)
+    (axes,) = ct.plot(model, GuidedPathPlan((1,)), parts=["tour"], over="time").axes
+    end, begin = axes.get_ylim()
+    assert departs - 1 < begin < departs < departs + 4 < end < departs + 5
+    bars = [found.get_ydata().tolist() for found in artists(axes, "window")]
+    assert bars[1] == [departs + 2, end]
+
+
 def test_time_needs_a_speed_and_a_single_vehicle():
     plan = GuidedPathPlan((1, 2))
     for model, given in (
