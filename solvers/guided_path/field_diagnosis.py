@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from ...models.guided_path.model import GuidedPathTour
 from ..contract.backend import Answer, Request, Termination
+from ..run.conflicts import quick_explanation
 from ..run.diagnosis import Diagnosis, Finding
 from .track_search import TrackSearch
 from .track_tables import TrackTables
@@ -35,7 +36,7 @@ def diagnose_fields(
     -------
     Diagnosis
         If no plan exists: limits that cannot be satisfied by themselves; otherwise a set of limits that exclude
-        every plan together, from which no limit can be removed (deletion filter).
+        every plan together, from which no limit can be removed (QuickXplain).
 
     Raises
     ------
@@ -44,7 +45,7 @@ def diagnose_fields(
     """
     TrackSearch().require_support(model)
     ends = time.perf_counter() + (60.0 if time_limit is None else time_limit)
-    method = "track-search, and a deletion filter over latest times and loads"
+    method = "track-search, and QuickXplain over latest times and loads"
     findings = (*_late(model), *_overloaded(model))
     answer = None if findings else _search(model, ends)
     if answer is not None and answer.point is not None:
@@ -124,35 +125,41 @@ def _overloaded(model: GuidedPathTour) -> Iterator[Finding]:
 
 
 def _needed(model: GuidedPathTour, ends: float) -> tuple[list[Finding], bool]:
-    """Return limits that exclude every plan together, and whether each one was tested."""
-    latest = (
-        [] if model.windows is None else np.flatnonzero(np.isfinite(model.windows[:, 1])).tolist()
-    )
-    tests: list[int | str] = [*reversed(latest), *(["capacity"] * (model.capacity is not None))]
-    tests += ["loads"] * (model.loads is not None)
-    findings, settled = list[Finding](), True
-    for test in tests:
-        if isinstance(test, int):
-            assert model.windows is not None
-            windows = model.windows.copy()
-            windows[test, 1] = np.inf
-            relaxed = dataclasses.replace(model, windows=windows)
-            name = f"customer {model.label(test)}" if test else "the end of the tour"
-            text, where = (
-                f"{name} not later than {model.windows[test, 1]:.6g} s",
-                f"windows[{test}]",
-            )
-        elif test == "capacity":
-            relaxed = dataclasses.replace(model, capacity=None)
-            text, where = f"a load in 0 … {model.capacity:.6g} (capacity)", "capacity"
-        else:
-            relaxed = dataclasses.replace(model, loads=None, capacity=None)
-            text, where = "a load of at least 0 (loads)", "loads"
-        status = _search(relaxed, ends).termination
-        if status is Termination.INFEASIBLE:
-            model = relaxed
-            continue
+    """Return limits that exclude every plan together, and whether each one is needed for that."""
+    size, late = model.size, model.windows
+    limits = [] if late is None else np.flatnonzero(np.isfinite(late[:, 1])).tolist()
+    limits += [size] * (model.loads is not None) + [size + 1] * (model.capacity is not None)
+    settled = True
+
+    def excludes(chosen: Sequence[int]) -> bool:
+        nonlocal settled
+        status = _search(_keep(model, chosen), ends).termination
         settled &= status is not Termination.NO_SOLUTION
-        if where != "loads" or model.capacity is None:
-            findings.append(Finding(text, where=where))
+        return status is Termination.INFEASIBLE
+
+    needed = quick_explanation([], limits, excludes, lambda: time.perf_counter() < ends)
+    settled &= time.perf_counter() < ends
+    findings = []
+    for limit in sorted(needed):
+        if late is not None and limit < size:
+            name = f"customer {model.label(limit)}" if limit else "the end of the tour"
+            text, where = f"{name} not later than {late[limit, 1]:.6g} s", f"windows[{limit}]"
+        elif limit > size:
+            text, where = f"a load in 0 … {model.capacity:.6g} (capacity)", "capacity"
+        elif size + 1 in needed:
+            continue
+        else:
+            text, where = "a load of at least 0 (loads)", "loads"
+        findings.append(Finding(text, where=where))
     return findings, settled
+
+
+def _keep(model: GuidedPathTour, limits: Sequence[int]) -> GuidedPathTour:
+    """Return the model with only these limits: latest times by customer, then loads and capacity."""
+    loads = model.loads if model.size in limits else None
+    capacity = model.capacity if loads is not None and model.size + 1 in limits else None
+    windows = model.windows
+    if windows is not None:
+        windows = windows.copy()
+        windows[np.setdiff1d(np.arange(model.size), limits), 1] = np.inf
+    return dataclasses.replace(model, loads=loads, capacity=capacity, windows=windows)

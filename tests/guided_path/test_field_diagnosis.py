@@ -9,6 +9,7 @@ from guided_path.extended import CASES, best_extended, random_extended
 import crosstrack as ct
 from crosstrack.errors import UnsupportedFormulation
 from crosstrack.models import GuidedPathTour
+from crosstrack.solvers.guided_path import field_diagnosis
 
 
 def test_a_late_customer_is_named():
@@ -31,7 +32,7 @@ def test_windows_that_exclude_each_other_are_named():
     found = ct.diagnose(model)
     assert found.feasible is False
     assert found.summary.endswith("each of them is needed for that")
-    assert [one.where for one in found.findings] == ["windows[2]", "windows[1]"]
+    assert [one.where for one in found.findings] == ["windows[1]", "windows[2]"]
 
 
 def test_loads_that_exclude_every_plan_are_named():
@@ -85,3 +86,15 @@ def test_models_too_large_for_the_search_are_refused():
     model = GuidedPathTour(np.arange(3002), loads=np.zeros(3002), capacity=1)
     with pytest.raises(UnsupportedFormulation, match="3001 customers: at most 3000"):
         ct.diagnose(model)
+
+
+def test_few_limits_among_many_are_found_by_few_searches(monkeypatch):
+    windows = [[0, None], [0, 12], [0, 15], *[[0, 900]] * 60]
+    model = GuidedPathTour([0, 10, -10, *[5] * 60], chains=[range(3, 63)], speed=1, windows=windows)
+    calls, search = [], field_diagnosis._search
+    monkeypatch.setattr(
+        field_diagnosis, "_search", lambda *given: calls.append(1) or search(*given)
+    )
+    found = ct.diagnose(model)
+    assert [one.where for one in found.findings] == ["windows[1]", "windows[2]"]
+    assert len(calls) < 30
