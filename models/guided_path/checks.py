@@ -77,9 +77,9 @@ def _check_windows(
     """Return the checks of the latest begin of each service and of the end of the tour."""
     latest = windows[walk.stops, 1]
     late = walk.begin - latest
-    # A latest time of 0 determines no scale.
-    whole = max(float(np.abs(windows[np.isfinite(windows)]).max()), 1e-300)
-    scales = np.where(np.isfinite(latest) & (latest != 0), np.abs(latest), whole)
+    # A latest time of 0 determines no scale; times from the departure to 0 are at most as large as it.
+    scales = np.where(np.isfinite(latest) & (latest != 0), np.abs(latest), abs(windows[0, 0]))
+    scales = np.maximum(scales, 1e-300)
     return [
         Check.largest(
             "begin within the time window", late[1:-1], scales[1:-1], "s",

@@ -171,8 +171,8 @@ class TrackTables:
     def limits(self) -> Floats:
         """Latest begin at each customer, and of the end in entry 0, with a margin for rounding, in s."""
         assert self.model.windows is not None
-        late, times = self.model.windows[:, 1], np.abs(self.model.windows)
-        scales = np.where(late == 0, times.max(where=np.isfinite(times), initial=0.0), times[:, 1])
+        late = self.model.windows[:, 1]
+        scales = np.where(late == 0, np.abs(self.model.windows[0, 0]), np.abs(late))
         return late + ROUNDING * scales
 
     @cached_property

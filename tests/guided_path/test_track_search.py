@@ -296,3 +296,11 @@ def test_a_short_limit_keeps_a_simple_plan(fields):
     answer = TrackSearch().run(model, Request(time_limit=0.0, options={}))
     assert answer.termination == "feasible"
     assert model.verify(answer.point).ok
+
+
+def test_other_times_do_not_loosen_a_latest_time_of_zero():
+    model = GuidedPathTour(
+        [0, 0.1, 1], speed=1.0, windows=[[0, None], [0, 0], [-3e5, 1e6]], chains=[[1, 2]]
+    )
+    assert not model.verify(GuidedPathPlan((1, 2))).ok
+    assert run(model).termination == "infeasible"
