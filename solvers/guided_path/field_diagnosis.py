@@ -36,7 +36,7 @@ def diagnose_fields(
     -------
     Diagnosis
         If no plan exists: limits that cannot be satisfied by themselves; otherwise a set of limits that exclude
-        every plan together, from which no limit can be removed (QuickXplain).
+        every plan together, each of them needed for that (QuickXplain).
 
     Raises
     ------
