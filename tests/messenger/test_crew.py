@@ -1,6 +1,7 @@
 """Several UAVs: brute force over assignments, bounds, verification, refusals, plots and files."""
 
 import dataclasses
+import functools
 import itertools
 import json
 import math
@@ -35,14 +36,19 @@ def drawn(seed):
 
 def by_enumeration(model):
     """Return the latest finish (m) of the best assignment, by independent flights of each UAV."""
-    best = np.inf
-    for choice in itertools.product(range(len(model.starts)), repeat=model.size):
-        finish = 0.0
-        for uav in set(choice):
-            rows = [k for k, one in enumerate(choice) if one == uav]
-            finish = max(finish, shortest_flight(model.share(uav, rows)))
-        best = min(best, finish)
-    return best
+    starts = [tuple(start) for start in model.starts]
+
+    @functools.cache
+    def finish(start, rows):
+        return shortest_flight(model.share(starts.index(start), rows))
+
+    return min(
+        max(
+            finish(starts[uav], tuple(k for k, other in enumerate(choice) if other == uav))
+            for uav in set(choice)
+        )
+        for choice in itertools.product(range(len(starts)), repeat=model.size)
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))
