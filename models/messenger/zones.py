@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..fields import Array, Spec, show
 
-__all__ = ["Zones", "clear", "depth", "is_inside", "size_of"]
+__all__ = ["Zones", "depth", "is_inside", "size_of"]
 
 Floats = NDArray[np.float64]
 #: Place, heading, curvature (0 for a line) and length of a primitive, in m and rad.
@@ -84,7 +84,7 @@ def depth(zone: Floats, piece: Piece) -> float:
 
     It is exact for a disc. For a polygon, the primitive is cut at its crossings with the edges, and the
     result is the largest of the parts inside: the least, over the edges, of the largest distance of the
-    part from the edge. This is at least the true depth, and 0 only if the interior is not entered.
+    part from the edge. This is at least the true depth, and at most 0 only if the interior is not entered.
     """
     if zone.ndim == 1:
         middle = complex(*zone[:2])
@@ -92,6 +92,10 @@ def depth(zone: Floats, piece: Piece) -> float:
             abs(_at(piece, s) - middle) for s in (0.0, piece[3], *_towards(piece, middle))
         )
     _, _, bend, length = piece
+    middle = complex(*(0.5 * (zone.min(axis=0) + zone.max(axis=0))))
+    room = abs(_at(piece, 0.5 * length) - middle) - 0.5 * length - size_of(zone)
+    if room > 0.0:
+        return -room
     if bend:
         length = min(length, 2.0 * math.pi / abs(bend))
     piece = (*piece[:3], length)
@@ -175,14 +179,3 @@ def _apart(place: complex, a: complex, b: complex) -> float:
     square = abs(along) ** 2
     share = ((place - a) * along.conjugate()).real / square if square else 0.0
     return abs(place - a - along * min(max(share, 0.0), 1.0))
-
-
-def clear(zone: Floats, piece: Piece) -> bool:
-    """Return whether a primitive stays outside of a zone, with a fast answer if the zone is far away."""
-    if zone.ndim == 1:
-        middle, size = complex(*zone[:2]), float(zone[2])
-    else:
-        middle = complex(*(0.5 * (zone.min(axis=0) + zone.max(axis=0))))
-        size = size_of(zone)
-    far = abs(_at(piece, 0.5 * piece[3]) - middle) >= 0.5 * piece[3] + size
-    return far or depth(zone, piece) <= 0.0

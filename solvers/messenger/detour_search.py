@@ -14,7 +14,7 @@ from ...jit import clock
 from ...models.messenger.dubins import WORDS, advance, word_lengths
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import TourPlan
-from ...models.messenger.zones import clear
+from ...models.messenger.zones import depth
 from ..contract.backend import Answer, Feature, Guarantee, Limit, Option, Request, Termination
 from .emission import cut
 from .extensions import TourBackend
@@ -157,7 +157,7 @@ class _Round:
         """Return whether a path avoids all zones."""
         for sign, length in path:
             piece = (complex(pose[0], pose[1]), pose[2], sign / self.r, length)
-            if not all(clear(zone, piece) for zone in self.problem.no_fly or ()):
+            if any(depth(zone, piece) > 0.0 for zone in self.problem.no_fly or ()):
                 return False
             pose = advance(*pose, length, sign, self.r)
         return True

@@ -10,7 +10,7 @@ import pytest
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.models import MessengerTour
-from crosstrack.models.messenger.zones import clear, depth, is_inside, size_of
+from crosstrack.models.messenger.zones import depth, is_inside, size_of
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 ANGLE = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 3.0], [0.0, 3.0]])
@@ -44,7 +44,6 @@ def test_the_depth_in_a_disc_is_that_of_samples(seed):
     for piece in pieces(seed, 60):
         near = np.abs(sampled(piece) - complex(*zone[:2])).min()
         assert 1.5 - near - 1e-5 <= depth(zone, piece) <= 1.5 - near + 3e-3  # steps of up to 2e-3
-        assert clear(zone, piece) == (depth(zone, piece) <= 0)
 
 
 @pytest.mark.parametrize("zone", [SQUARE, ANGLE, ANGLE[::-1] - 1])
@@ -57,11 +56,11 @@ def test_the_depth_in_a_polygon_is_positive_exactly_if_samples_are_inside(zone):
         edges = [distance(places, a, b) for a, b in zip(corners, np.roll(corners, -1), strict=True)]
         true = (np.min(edges, axis=0) * inside).max()
         result = depth(zone, piece)
-        assert result >= true - 1e-4
+        assert max(result, 0) >= true - 1e-4
         assert result > 0 or not inside[np.min(edges, axis=0) > 1e-3].any()
-        assert result == 0 or true > 0 or np.min(edges) < 0.05
+        assert result <= 0 or true > 0 or np.min(edges) < 0.05
+        assert result > -np.min(edges) - 1e-2
         assert result <= 2 * size_of(zone)
-        assert clear(zone, piece) == (result == 0)
         entered += result > 0
     assert 20 < entered < 140
 
@@ -119,6 +118,13 @@ def test_the_search_flies_around_the_zones_within_the_bound(closed):
     crossing = model.verify(relaxed.plan)
     assert [check.name for check in crossing.violated] == ["clear of no-fly zones"]
     assert ct.solve(model, "curvature-bound").dual_bound <= best.primal_bound * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("zone", [[50, 50, 1e-12], [[50, 50], [50 + 1e-12, 50], [50, 50 + 1e-12]]])
+def test_a_tiny_zone_far_from_the_path_is_decidable(zone):
+    model = MessengerTour([[0, 90]], no_fly=[zone])
+    plan = ct.solve(MessengerTour([[0, 90]]), seed=1).plan
+    assert model.verify(plan).ok
 
 
 def test_zones_off_the_path_do_not_change_the_optimum():
