@@ -105,7 +105,7 @@ def shorten_last_leg(
 def fly_to_rims(
     problem: MessengerTour, order: Iterable[int], flag: Flag | None = None
 ) -> TourPlan | None:
-    """Return the tour of shortest legs to the discs in an order; None if a leg or the home is not met.
+    """Return the tour of shortest legs to the discs in an order; None if a leg is not found or the home moves.
 
     The tour is fast for many vehicles, and exact for long legs: each leg begins at the end of the
     previous one and has a free final heading, so neither turns nor rounding errors accumulate.
@@ -113,6 +113,8 @@ def fly_to_rims(
     radius above 0, and `order` contains every vehicle once.
     """
     assert problem.start is not None
+    if problem.home_velocity is not None:
+        return None
     speed, r, reach = problem.speed, problem.turning_radius, problem.radius * (1.0 - WIDE_MARGIN)
     start = pose = (float(problem.start[0]), float(problem.start[1]), float(problem.start[2]))
     flown, missed = 0.0, np.ones(problem.size, bool)
@@ -139,8 +141,6 @@ def fly_to_rims(
             pose, flown = advance(*pose, part, sign, r), flown + part
         missed[target] = False
         stops.setdefault(target, flown)
-    if problem.closed and problem.home_velocity is not None:
-        return None
     if problem.closed:
         *parts, word = shortest(*pose, *start, r)
         path += [(sign, part, None) for sign, part in zip(WORDS[word].tolist(), parts, strict=True)]

@@ -29,7 +29,7 @@ Ints = NDArray[np.int64]
 NEIGHBOURS = 12
 #: Longest string of vehicles that is moved.
 STRING = 4
-#: Legs after a change by which the path has joined the former one.
+#: Number of legs after a change until the path has joined the former one.
 JOIN = 2
 #: Steps of the time of a leg, and its relative error.
 STEPS, NEAR = 8, 1e-9
