@@ -25,9 +25,8 @@ def write_tour_samples(
 
     The columns are ``t,x,y,heading,leg``: s, m, m, rad, and the number of the leg, from 0. Headings
     are counter-clockwise from the x axis, and are not wrapped. In wind, places are over the ground, and
-    headings are relative to the air. With
-    several UAVs, a column ``uav`` has the index of the UAV, and the rows of each end at its last encounter or
-    at its home. The file is written atomically.
+    headings are relative to the air. With several UAVs, a column ``uav`` has the index of the UAV, and the
+    rows of each end at its last encounter or at its home. The file is written atomically.
 
     Parameters
     ----------
