@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from contextvars import copy_context
 from operator import le
+from time import perf_counter as clock
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,8 @@ class Oracle:
 
     def __init__(self, model: Any) -> None:
         self.model = model
+        #: Duration of all partial answers.
+        self._seconds = 0.0
         self.left = model.budget
         self._lows, self._highs = model.lows, model.highs
         self._noise = np.random.default_rng(model.scene_seeds(1)[0])
@@ -83,7 +86,11 @@ class Oracle:
                 self.left -= 1
                 result: Floats = self._context.copy().run(self._evaluation.direct, points)
                 return result
-        return self._answer(points, _QUESTION)
+        # The first answers return at once, so that they are known if a later call hangs.
+        begin = clock()
+        answers = self._answer(points, min(_QUESTION, self._seconds))
+        self._seconds += clock() - begin
+        return answers
 
     def start(self, points: Floats) -> Floats:
         """Start the evaluation of `points` that will be requested, if the function has workers.

@@ -231,7 +231,9 @@ def shares_process(backend: Backend) -> bool:
     """
     kind = type(backend)
     path = f"{kind.__module__}:{kind.__qualname__}"
-    is_declared = is_ours(backend) and any(entry.target == path for entry in installed())
+    is_declared = is_ours(backend) and path in [
+        one.target for one in installed() if isinstance(one.target, str)
+    ]
     # The methods of the dictionary and of the name may be those of a user's class.
     has_own = dict.keys(vars(backend)) - {"problem"} or type(backend.problem) is not str
     return kind.shares_process and is_declared and not has_own and resolve(path) is kind

@@ -173,6 +173,13 @@ EXCEPTIONS = {
             "recomputation have about 1,400"
         ),
     ),
+    "black_box": (
+        6610,
+        (
+            "kinds of variables, constraints and fronts have about 1,150 lines, workers, records, ask and tell 1,450, the "
+            "surrogate search and the portfolio 480"
+        ),
+    ),
     "fleet": (
         11_430,
         (
@@ -188,7 +195,17 @@ EXCEPTIONS = {
             "maps have 880"
         ),
     ),
-    "messenger": (8420, "Newton's polish is 3 to 34 times as fast as Ipopt, so it stays"),
+    "guided_path": (
+        7320,
+        "loads, windows, tracks and vehicles with their search have about 1,500 lines, 20,000 customers and merges 800",
+    ),
+    "messenger": (
+        10_000,
+        (
+            "Newton's polish is 3 to 34 times as fast as Ipopt, so it stays; wind, several UAVs and no-fly zones have "
+            "about 1,250, orders of many vehicles 310"
+        ),
+    ),
     "minimum_snap": (
         15_020,
         (
@@ -243,8 +260,9 @@ def test_the_package_keeps_its_ceiling(checkout):
     """The goal is 98,000 lines; each reduction lowers the ceiling. Programs of users have about 7,000, and files of
     users, pages of plans and animations about 5,500, flights 4,500, vehicles, gates and
     shared space 5,600, and rich fleets, column generation, constrained routes and prepared maps 7,000, and verdicts, filters,
-    identification and unknown grids with their aspects 4,200."""
+    identification and unknown grids with their aspects 4,200; black boxes with constraints and workers, loads, windows and
+    tracks, sequential ordering, wind and no-fly zones 9,000."""
     rooms = ("models", "solvers", "instances", "cli")
     files = [path for room in rooms for path in (checkout / room).rglob("*.py")]
     files += checkout.glob("*.py")
-    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 157_200
+    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 166_250

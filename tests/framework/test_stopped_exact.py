@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 import crosstrack as ct
-from crosstrack.instances import error_correction, grid_path, guided_path, resource_routing
-from crosstrack.models import FleetRouting, GridPath, MinimumDerivative
+from crosstrack.instances import (
+    error_correction,
+    grid_path,
+    guided_path,
+    resource_routing,
+    sequential_ordering,
+)
+from crosstrack.models import FleetRouting, GridPath, GuidedPathTour, MinimumDerivative
 from crosstrack.solvers import Control, Guarantee, Limit
 from crosstrack.solvers.contract import registry
 
@@ -36,6 +42,18 @@ def guided():
     return guided_path.generate(5, 30, 0)
 
 
+def carrying():
+    chains = guided_path.generate(20, 5, 0)
+    loads = np.zeros(len(chains.coordinates))
+    for chain in chains.chains:
+        loads[list(chain)] = [1, -1, 1, 0, -1]
+    return GuidedPathTour(chains.coordinates, chains=chains.chains, loads=loads, capacity=3.0)
+
+
+def ordered():
+    return sequential_ordering.generate_ordering(40, 1000, 15, seed=0)
+
+
 def rooms(connectivity):
     grid = grid_path.rooms(220, 220, 0)
     free = np.argwhere(~grid.blocked)
@@ -60,10 +78,14 @@ CASES = {
     ("grid_path", "any-angle"): (lambda: rooms("any"), True),
     ("guided_path", "a-star"): (guided, True),
     ("guided_path", "dynamic-programming"): (guided, True),
+    ("guided_path", "track-search"): (carrying, True),
     ("minimum_snap", "banded"): (knots, False),
     ("minimum_snap", "interior-point"): (knots, False),
     ("resource_routing", "resource-labelling"): (resources, True),
+    ("sequential_ordering", "bounded-levels"): (ordered, True),
 }
+#: Seconds for runs without a proof.
+LONG = {("guided_path", "track-search"): 3.0, ("sequential_ordering", "bounded-levels"): 3.0}
 #: The reference of unknown maps sees hidden data, so that no heuristic may begin it.
 WITHOUT = {("unknown_grid", "oracle")}
 
@@ -89,8 +111,10 @@ def solve_until_a_plan(monkeypatch, model, name):
 def test_a_stopped_run_returns_the_plan_of_its_heuristic(case, monkeypatch):
     build, has_start = CASES[case]
     model = build()
-    best = ct.solve(model, case[1]) if case != ("guided_path", "dynamic-programming") else None
-    best = best or ct.solve(model, "a-star", time_limit=10.0)
+    if case == ("guided_path", "dynamic-programming"):
+        best = ct.solve(model, "a-star", time_limit=10.0)
+    else:
+        best = ct.solve(model, case[1], time_limit=LONG.get(case))
     found = solve_until_a_plan(monkeypatch, model, case[1])
     assert found.termination in ("feasible", "optimal")
     if has_start:
