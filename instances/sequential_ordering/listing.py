@@ -81,7 +81,10 @@ def catalogue_entries() -> tuple[CatalogueEntry, ...]:
     jobs = (
         (0, 4, 6, 5, 0), (0, 0, 3, 9, 2), (0, 8, 0, 2, 4), (0, 1, 7, 0, 3), (0, 0, 0, 0, 0),
     )  # fmt: skip
-    ours: dict[str, Any] = {"provenance": Provenance.OURS}
+    ours: dict[str, Any] = {
+        "provenance": Provenance.OURS,
+        "note": "the optimum follows from an enumeration or the only order",
+    }
     special = (
         Row(
             "jobs-3", "Three jobs with setup times, the second one after the first",

@@ -7,8 +7,8 @@ vehicles move step by step on the grid of integers.
 import heapq
 import itertools
 
-import networkx as nx
 import numpy as np
+from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
 
 from crosstrack.models import GuidedPathTour
 
@@ -91,15 +91,15 @@ def distances(model):
         ways = np.array([[way(a, b) for b in x] for a in x])
         home = np.array([way(a, end) for a in x])
     else:
-        graph = nx.Graph()
-        stops = [("stop", k) for k in range(model.size)]
+        nodes = 1 + max(node for a, b, _ in track.edges for node in (a, b))
+        graph = np.full((nodes + model.size,) * 2, np.inf)
         for e, (a, b, length) in enumerate(track.edges):
             row = sorted((x[k], k) for k in range(model.size) if track.at[k] == e)
-            line = [(0.0, a), *((y, ("stop", k)) for y, k in row), (length, b)]
+            line = [(0.0, a), *((y, nodes + k) for y, k in row), (length, b)]
             for (y, node), (z, other) in itertools.pairwise(line):
-                graph.add_edge(node, other, weight=z - y)
-        found = dict(nx.all_pairs_dijkstra_path_length(graph))
-        ways = np.array([[found[a][b] for b in stops] for a in stops])
+                graph[node, other] = graph[other, node] = z - y
+        # Zeros of a dense matrix would be missing edges.
+        ways = dijkstra(csgraph_from_dense(graph, null_value=np.inf))[nodes:, nodes:]
         home = ways[:, 0]
     return ways, home * (not isinstance(model.end, str))
 

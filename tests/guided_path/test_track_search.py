@@ -79,7 +79,7 @@ def test_narrow_beams_have_valid_bounds_and_plans(fields):
         assert rest_of(tables, first_label(tables))[0] <= least + 1e-9
 
 
-def test_distances_equal_those_of_networkx():
+def test_distances_equal_those_of_a_graph():
     for seed in range(60):
         model = random_extended([seed, 5], ("tree",) if seed % 2 else ("loop", "end"))
         ways, home = distances(model)
