@@ -75,7 +75,7 @@ PUBLISHED = {
 )  # fmt: skip
 def test_published_problems_are_solved_within_one_per_cent(problem, name, budget):
     if find_backend(name).missing() or find_backend("cma-es").missing():
-        pytest.skip("needs crosstrack[blackbox]")
+        pytest.skip(f"{name} needs crosstrack[blackbox]")
     function, bounds, count, optimum = PUBLISHED[problem]
     model = box(many(function), *bounds, inequalities=count, budget=budget)
     answer, _ = search(name, model, seed=2)

@@ -55,7 +55,7 @@ def workers(request):
 @pytest.mark.parametrize("name", ["differential-evolution", "cma-es", "random-search", "iafsa"])
 def test_a_generation_is_one_call_of_a_vectorised_function(name):
     if (name,) not in [tuple(one.values) for one in EVERY if not one.marks]:
-        pytest.importorskip("cma")
+        pytest.importorskip("cma", reason="cma-es needs crosstrack[blackbox]")
     sizes = []
 
     def call(x):
@@ -202,7 +202,7 @@ def test_the_verification_does_not_wait_for_points_that_were_not_requested(isola
 @pytest.mark.parametrize(("name", "size"), [("differential-evolution", 16), ("cma-es", 8)])
 def test_generations_are_multiples_of_the_workers(name, size):
     if name == "cma-es":
-        pytest.importorskip("cma")
+        pytest.importorskip("cma", reason="cma-es needs crosstrack[blackbox]")
     sizes = []
 
     def call(x):

@@ -251,7 +251,7 @@ def test_a_front_is_verified_by_its_hypervolume():
 
 
 def test_infeasible_points_are_shaded_and_fronts_are_points():
-    pytest.importorskip("matplotlib")
+    pytest.importorskip("matplotlib", reason="pictures need matplotlib")
     disc = box(lambda x: [x.sum(), ((x - 0.5) ** 2).sum() - 0.04], *UNIT, inequalities=1)
     axes = ct.plot(disc, BlackBoxPoint((0.5, 0.5)), points=31).axes[0]
     assert any(part.get_gid() == "infeasible" for part in axes.collections)

@@ -255,7 +255,7 @@ def test_more_variables_than_a_search_holds(name):
 )
 def test_a_valley_and_a_wavy_field_are_solved(name, most):
     if name in LACKING:
-        pytest.skip("needs crosstrack[blackbox]")
+        pytest.skip(f"{name} needs crosstrack[blackbox]")
     budget = 400 if name == "shgo" else 1500
     valley = box({"name": "booth", "shift": [1.1, -2.3]}, (-10, 10), (-10, 10), budget=budget)
     assert search(name, valley)[0].primal_bound <= most
