@@ -232,11 +232,10 @@ def test_one_worker_and_two_give_the_same_records(alone, tmp_path):
     assert read_records(tmp_path / "two.jsonl").outcome == "AGREED"
 
 
-def test_an_interrupted_campaign_continues(tmp_path):
-    file, record = written(tmp_path, SMALL), tmp_path / "r.jsonl"
-    ct.bench(file, record=record, workers=2)
-    whole = plain(record)
-    lines = record.read_bytes().splitlines(keepends=True)
+def test_an_interrupted_campaign_continues(alone, tmp_path):
+    file, _, whole, _ = alone
+    record = tmp_path / "r.jsonl"
+    lines = (file.parent / "one.jsonl").read_bytes().splitlines(keepends=True)
     record.write_bytes(b"".join(lines[:4]) + lines[4][:50])
     assert len(read_records(record).solutions) == 4
     with pytest.raises(InvalidData, match="resume it"):

@@ -23,17 +23,22 @@ PAGES = sorted(
 #: How a block begins that is run, and shown with what it prints, when the site is built.
 EXAMPLE = "```{crosstrack-example}"
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
-#: Examples and pages that run for five seconds and more; `make docs` runs all examples for the gallery.
+#: Examples and pages that run for three seconds and more; `make docs` runs all examples for the gallery.
 SLOW = {
     *(
         "plot_attractor.py",
         "plot_bases_and_backends.py",
         "plot_black_box.py",
         "plot_constrained_black_box.py",
+        "plot_corridors.py",
+        "plot_error_correction.py",
+        "plot_flight.py",
+        "plot_gates.py",
         "plot_guided_path.py",
         "plot_map_to_flight.py",
         "plot_messenger.py",
         "plot_minimum_snap.py",
+        "plot_scenarios.py",
         "plot_unknown_grid.py",
     ),
     *("plot_fleet_mission.py", "plot_own_control_problem.py", "plot_satellite_slew.py"),
@@ -44,7 +49,10 @@ SLOW = {
         "campaign.md",
         "fleet.md",
         "fleet-mission.md",
+        "flight.md",
         "guided-path.md",
+        "minimum-snap.md",
+        "unknown-grid.md",
     ),
     *("cluster.md", "messenger.md", "optimal-control.md", "satellite-slew.md", "sideslip.md"),
     *("program-files.md", "pyomo-pulp.md"),

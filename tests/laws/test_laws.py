@@ -174,7 +174,7 @@ def test_the_same_seed_gives_the_same_plan(kind):
 LONG = {
     "attractor", "fleet-routing", "guided-path-tour", "messenger-tour", "minimum-derivative", "nonlinear-program",
     "optimal-control", "satellite-slew", "time-allocation", "unknown-grid", "minimum-snap", "sideslip",
-    "black-box", "quadratic-program", "mixed-integer-program",
+    "black-box", "quadratic-program", "mixed-integer-program", "sequential-ordering", "error-correction", "grid-path",
 }  # fmt: skip
 
 
