@@ -246,8 +246,8 @@ class _Search:
         seconds = START_SECONDS
         if left is not None:
             seconds = min(seconds, max(START * left, min(SHORT, 0.5 * left)))
-        if len(self.model.customers) <= 12:
-            seconds = min(seconds, 0.2)
+        if len(self.model.customers) <= 12:  # the proof takes less
+            seconds = min(seconds, 0.05)
         with suppress(OutOfTime):  # the kernels are not compiled in time
             answer = self.request.within(
                 heuristic, self.model, time_limit=seconds, options=options,

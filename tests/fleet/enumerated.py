@@ -3,11 +3,18 @@
 import itertools
 
 import numpy as np
+import pytest
 
 from crosstrack.models import FleetRouting
 from crosstrack.models.fleet import FleetPlan
 
+#: Objectives of plain fleets.
 OBJECTIVES = ("sum", "max", "sum-deviation", "range", "max-sum", "sum-variance")
+
+
+def sweep(few, many):
+    """Return the parameters 0 … `many` - 1; those from `few` on are slow."""
+    return [*range(few), *(pytest.param(k, marks=pytest.mark.slow) for k in range(few, many))]
 
 
 def all_routes(nodes, vehicles):

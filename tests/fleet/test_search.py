@@ -45,7 +45,7 @@ def test_small_fleets_get_the_best_of_all_routes(objective, seed):
     count=st.integers(1, 7), vehicles=st.integers(1, 4), seed=st.integers(0, 10**6),
     objective=st.sampled_from(OBJECTIVES), use_all=st.booleans(), scale=st.sampled_from([1e-6, 1.0, 1e6]),
 )  # fmt: skip
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_routes_are_never_worse_than_proven_nor_below_a_bound(
     count, vehicles, seed, objective, use_all, scale
 ):
@@ -103,7 +103,7 @@ def test_a_warm_start_is_never_made_worse():
 )
 def test_limits_are_kept(limits):
     model = scattered(12, 3, seed=5, **limits)
-    found = ct.solve(model, "fleet-search")
+    found = ct.solve(model, "fleet-search", backend_options={"steps": 500})
     assert found.verified, found
     assert not found.verification.within_tolerance
 
@@ -130,8 +130,10 @@ def test_infeasible_limits_end_without_a_plan():
     ids=["each-one", "one-place", "far", "one-node", "zeros", "line", "not-all"],
 )
 def test_wild_fleets_are_routed(model):
+    steps = {"steps": 200}
     for objective in OBJECTIVES:
-        found = ct.solve(dataclasses.replace(model, objective=objective), "fleet-search")
+        asked = dataclasses.replace(model, objective=objective)
+        found = ct.solve(asked, "fleet-search", backend_options=steps)
         assert found.verified, objective
 
 
@@ -144,7 +146,7 @@ def test_the_farthest_node_proves_that_routes_are_optimal():
 
 def test_a_time_limit_is_kept_by_large_fleets():
     model = scattered(600, 5)
-    found = ct.solve(model, "fleet-search", time_limit=1.0)
+    found = ct.solve(model, "fleet-search", time_limit=0.5)
     assert found.verified
     assert found.limit is Limit.TIME
     assert found.seconds["solve"] < 10.0
@@ -165,7 +167,7 @@ def test_incumbents_are_reported_and_a_target_stops():
 
 
 def test_auto_selects_the_search_for_large_models():
-    assert ct.solve(scattered(40, 3), time_limit=2.0).backend == "fleet-search"
+    assert ct.solve(scattered(40, 3), time_limit=0.3).backend == "fleet-search"
     assert ct.solve(scattered(6, 2)).backend == "subset-dp"
 
 

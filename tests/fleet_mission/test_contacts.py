@@ -31,18 +31,15 @@ def test_a_robot_that_returns_does_not_meet_one_that_leaves():
 
 
 # Two to nine robots. If the separation is not required, each mission has contacts (1 to 36 pairs).
-@pytest.mark.parametrize("seed", [1, 4, 5, 8, 11])
-def test_drawn_missions_have_plans_without_a_contact(seed):
-    model = mission(seed)
-    answer = ct.solve(model, time_limit=20, seed=1)
-    assert answer.plan is not None, answer
-    assert not contacts(model, answer.plan)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("hundred", range(5))
-def test_five_hundred_missions_have_no_contact(hundred):
-    for seed in range(100 * hundred, 100 * (hundred + 1)):
+@pytest.mark.parametrize(
+    "seeds",
+    [
+        (1, 5, 11),
+        *(pytest.param(range(100 * k, 100 * k + 100), marks=pytest.mark.slow) for k in range(5)),
+    ],
+)
+def test_drawn_missions_have_plans_without_a_contact(seeds):
+    for seed in seeds:
         model = mission(seed)
         answer = ct.solve(model, time_limit=20, seed=1)
         assert answer.plan is not None, (seed, answer)

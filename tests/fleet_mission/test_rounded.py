@@ -115,7 +115,7 @@ def inside_boxes(model, way, curve):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_curves_along_random_polylines(seed):
     draw = np.random.default_rng(seed)
     count = int(draw.integers(2, 9))
@@ -203,8 +203,7 @@ def test_boxes_limit_the_rounding():
         check_curve(mission(), corridor_of(knots, margin=margin), 0.1)
 
 
-@pytest.mark.parametrize("continuity", [2, 3])
-@pytest.mark.parametrize("name", ["nested", "pocket", "corridor"])
+@pytest.mark.parametrize(("name", "continuity"), [("pocket", 2), ("corridor", 3)])
 def test_missions_are_faster_than_with_stops_and_shorter_than_minimum_snap(name, continuity):
     model = dataclasses.replace(ct.load(f"fleet-mission/{name}"), continuity=continuity)
     options = {"routing": "kmeans-ac"}
@@ -232,7 +231,7 @@ def test_random_missions_are_faster_than_with_stops(monkeypatch):
         return original(problem, way, *rest)
 
     monkeypatch.setattr(staged, "fly", fly)
-    for seed in range(4):
+    for seed in range(2):
         ways.clear()
         model = random_mission(5, 6, 2, seed, bounds=(0, 0, 60, 60), size=0.5)
         found = ct.solve(model, "staged", seed=0, backend_options={"routing": "kmeans-ac"})

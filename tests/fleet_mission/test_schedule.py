@@ -65,7 +65,7 @@ def ends(result):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_two_robots_return_as_early_as_in_a_brute_force_search(seed):
     """Every pair of departures on a grid of time is tried, on points of the curves alone."""
     draw = np.random.default_rng(seed)
@@ -94,7 +94,7 @@ def test_two_robots_return_as_early_as_in_a_brute_force_search(seed):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=5, deadline=None)
 def test_robots_that_wait_inside_keep_their_separation(seed):
     draw = np.random.default_rng(seed)
     count = int(draw.integers(2, 6))
@@ -170,15 +170,13 @@ def test_shared_missions_have_no_contact_and_improve_on_delays(kind, robots):
 
 
 def test_other_objectives_keep_the_lengths_of_the_curves():
-    model = mission("corridor", 1, robots=3)
-    for objective in ("sum", "sum-deviation"):
-        asked = dataclasses.replace(model, objective=objective)
-        answer = ct.solve(asked, "staged", seed=1, backend_options=QUICK)
-        free = ct.solve(
-            dataclasses.replace(asked, separation=0), "staged", seed=1, backend_options=QUICK
-        )
-        assert answer.primal_bound == pytest.approx(free.primal_bound, rel=1e-9)
-        assert not contacts(asked, answer.plan)
+    model = dataclasses.replace(mission("corridor", 1, robots=3), objective="sum-deviation")
+    answer, free = (
+        ct.solve(asked, "staged", seed=1, backend_options=QUICK)
+        for asked in (model, dataclasses.replace(model, separation=0))
+    )
+    assert answer.primal_bound == pytest.approx(free.primal_bound, rel=1e-9)
+    assert not contacts(model, answer.plan)
 
 
 def test_robots_depart_one_after_another_once_the_time_is_over(monkeypatch):
@@ -272,7 +270,7 @@ def joint_steps(blocked, agents):
 def test_two_robots_on_tiny_grids_against_a_search_over_pairs():
     draw = np.random.default_rng(5)
     optimal = solved = total = 0
-    while total < 60:
+    while total < 40:
         blocked = draw.random((int(draw.integers(2, 5)), int(draw.integers(3, 6)))) < 0.25
         free = [tuple(cell) for cell in np.argwhere(~blocked).tolist()]
         if len(free) < 4:

@@ -52,7 +52,7 @@ def free_by_samples(model, plan):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=2, deadline=None)
 def test_drawn_missions(seed):
     draw = np.random.default_rng(seed)
     nodes, vehicles = int(draw.integers(2, 9)), int(draw.integers(1, 4))
@@ -163,7 +163,7 @@ def test_the_papers_pipeline_without_obstacles():
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_boxes_are_free_overlap_and_hold_the_string(seed):
     draw = np.random.default_rng(seed)
     blocked = draw.random((12, 15)) < 0.25

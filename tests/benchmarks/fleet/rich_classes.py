@@ -1,13 +1,15 @@
-"""Gap to the best known solution by class of rich fleets: backends, and PyVRP called directly, at equal CPU time.
+"""Gap to the best known solution by class of rich fleets: backends, PyVRP called directly and VROOM, at equal CPU time.
 
 Each run is a process of its own with a limit on its CPU time, set-up included. A schedule checker that
-shares no code with the package checks each plan of a backend. Results are appended to a file, and runs
-found there are skipped, so that an interrupted campaign continues::
+shares no code with the package checks each plan except those of PyVRP called directly. Results are appended to a
+file, and runs found there are skipped, so that an interrupted campaign continues::
 
     python tests/benchmarks/fleet/rich_classes.py --seconds 30 --seeds 5
     python tests/benchmarks/fleet/rich_classes.py --files 1 --seconds 5 --only CVRP VRPTW
+    python tests/benchmarks/fleet/rich_classes.py --files 1 --seconds 30 --write
 
-The files are those of ``../shared/data/fleet-vrplib``; each class prints the mean gap in per cent.
+The files are those of ``../shared/data/fleet-vrplib``; each class prints the mean gap in per cent, and ``--write``
+writes the table "rich-classes" of ``docs/measured/fleet.json``. VROOM is the package ``pyvroom``.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +30,9 @@ import numpy as np
 
 HERE = Path(__file__).resolve()
 sys.path[:0] = [str(HERE.parents[2])]
+
+from benchmarks.measured import write  # noqa: E402
+
 DATA = HERE.parents[4] / "shared" / "data" / "fleet-vrplib"
 #: Per class: options of the reader, units of the published cost per unit of length, and PyVRP's rounding.
 CLASSES: dict[str, tuple[dict[str, Any], float | None, str]] = {
@@ -41,7 +47,19 @@ CLASSES: dict[str, tuple[dict[str, Any], float | None, str]] = {
 }
 #: Units of PyVRP's cost by its rounding.
 UNITS = {"round": 1.0, "dimacs": 10.0, "exact": 1000.0}
-SOLVERS = ("native", "pyvrp", "ortools-routing")
+#: Solvers and their names in the table.
+SOLVERS = {
+    "native": "PyVRP itself",
+    "pyvrp": "`pyvrp`",
+    "ortools-routing": "`ortools-routing`",
+    "vroom": "VROOM",
+}
+#: Classes that VROOM's model contains.
+IN_VROOM = ("CVRP", "VRPTW", "MDVRPTW", "SDVRPTW", "HFVRP")
+#: Steps of VROOM's units per unit of length and time, and of its costs per unit of cost and length.
+VROOM_STEPS, VROOM_COSTS = 100, 1000
+#: VROOM's exploration level: its highest one.
+LEVEL = 5
 
 
 def published(path: Path) -> tuple[int, float]:
@@ -72,12 +90,28 @@ def run_native(path: Path, seed: int, seconds: float) -> dict[str, Any]:
     return {"value": value, "work": result.num_iterations}
 
 
-def run_backend(path: Path, name: str, seed: int, seconds: float) -> dict[str, Any]:
-    """Run a backend, and check its plan with the schedule checker of the tests."""
+def read_model(path: Path) -> Any:
+    """Return the model of a file; without a number of vehicles, twice as many as in the best known solution."""
+    from crosstrack.instances.fleet import read_vrplib
+
+    routes, _ = published(path)
+    vehicles = None if re.search("^VEHICLES", path.read_text(), re.M) else 2 * routes
+    return read_vrplib(path, vehicles, use_all=False, **CLASSES[path.parent.name][0])
+
+
+def judge(model: Any, plan: Any) -> dict[str, Any]:
+    """Return the value of a plan and its faults by the schedule checker of the tests."""
     from fleet.rich_oracle import reject
 
+    value = model.verify(plan).objective
+    if model.prizes is not None:  # the published costs count the prizes that are not collected
+        value += float(np.nansum(model.prizes))
+    return {"value": value, "faults": [str(fault) for fault in reject(model, plan)]}
+
+
+def run_backend(path: Path, name: str, seed: int, seconds: float) -> dict[str, Any]:
+    """Run a backend."""
     import crosstrack as ct
-    from crosstrack.instances.fleet import read_vrplib
     from crosstrack.solvers import Limit
     from crosstrack.solvers.contract.stopping import Criterion
 
@@ -85,25 +119,79 @@ def run_backend(path: Path, name: str, seed: int, seconds: float) -> dict[str, A
         def reached(self, progress: Any) -> Limit | None:
             return Limit.TIME if time.process_time() > seconds else None
 
-    routes, _ = published(path)
-    vehicles = None if re.search("^VEHICLES", path.read_text(), re.M) else 2 * routes
-    model = read_vrplib(path, vehicles, use_all=False, **CLASSES[path.parent.name][0])
+    model = read_model(path)
     seeds = {"seed": seed} if name == "pyvrp" else {}
     answer = ct.solve(model, name, time_limit=60 * seconds, stop=Cpu(), **seeds)
     if answer.plan is None:
         return {"value": None, "message": answer.message}
-    value = answer.verification.objective
-    if model.prizes is not None:  # the published costs count the prizes that are not collected
-        value += float(np.nansum(model.prizes))
-    faults = [str(fault) for fault in reject(model, answer.plan)]
     work = answer.statistics.get("iterations", answer.statistics.get("solutions"))
-    return {"value": value, "work": work, "faults": faults}
+    return judge(model, answer.plan) | {"work": work}
+
+
+def run_vroom(path: Path) -> dict[str, Any]:
+    """Run VROOM on one thread until it ends, which no seed changes; its CPU seconds are not limited."""
+    import vroom
+
+    model, steps = read_model(path), VROOM_STEPS
+
+    def whole(value: Any) -> Any:
+        return np.ceil(np.asarray(value) * steps - 1e-9).astype(int)
+
+    spans = [None if each is None else each[0] for each in model.windows or [None] * model.size]
+
+    def window(node: int, early: float, late: float) -> Any:
+        begin, end = spans[node] or (0.0, np.inf)
+        first, last = max(begin, early), min(end, late)
+        return None if np.isinf(last) else vroom.TimeWindow(int(whole(first)), int(last * steps))
+
+    program = vroom.Input()
+    lengths = whole(model.distances)
+    program.set_durations_matrix("car", lengths)
+    program.set_distances_matrix("car", lengths)
+    names = {name for needed in model.requires or () for name in needed}
+    skill = {name: number for number, name in enumerate(sorted(names), 1)}
+    for k in range(model.vehicles):
+        rate = 1.0 if model.distance_cost is None else float(model.distance_cost[k])
+        fixed = 0.0 if model.fixed_cost is None else float(model.fixed_cost[k])
+        home = int(model.homes[k])
+        # A cost per km of 1000 c is c per unit of the matrix.
+        costs = vroom.VehicleCosts(round(fixed * steps), 0, round(VROOM_COSTS * rate))
+        longest = np.inf if model.max_duration is None else float(model.max_duration[k])
+        known = set() if model.skills is None else {skill[x] for x in model.skills[k] if x in skill}
+        spare = {} if np.isinf(longest) else {"max_travel_time": int(longest * steps)}
+        span = window(home, 0.0, np.inf)
+        program.add_vehicle(
+            vroom.Vehicle(
+                k, home, home, capacity=[int(model.capacity[k])], costs=costs, skills=known,
+                **spare, **({} if span is None else {"time_window": span}),
+            )
+        )  # fmt: skip
+    for node in model.customers.tolist():
+        needed = {skill[name] for name in (model.requires[node] if model.requires else ())}
+        span = window(node, 0.0, np.inf)
+        service = 0 if model.service is None else int(whole(model.service[node]))
+        program.add_job(
+            vroom.Job(
+                node, node, default_service=service, delivery=[int(model.demands[node])],
+                skills=needed, time_windows=[] if span is None else [span],
+            )
+        )  # fmt: skip
+    answer = program.solve(exploration_level=LEVEL, nb_threads=1)
+    if answer.summary.unassigned:
+        return {"value": None, "message": f"{answer.summary.unassigned} nodes without a route"}
+    routes: list[list[int]] = [[] for _ in range(model.vehicles)]
+    table = answer.routes[answer.routes["type"] == "job"]
+    for k, node in zip(table["vehicle_id"], table["id"], strict=True):
+        routes[int(k)].append(int(node))
+    return judge(model, model.with_schedule(routes)) | {"work": None}
 
 
 def run_one(path: Path, solver: str, seed: int, seconds: float) -> dict[str, Any]:
     """Return the result of one run in this process."""
     if solver == "native":
         result = run_native(path, seed, seconds)
+    elif solver == "vroom":
+        result = run_vroom(path)
     else:
         result = run_backend(path, solver, seed, seconds)
     value = result["value"]
@@ -112,30 +200,60 @@ def run_one(path: Path, solver: str, seed: int, seconds: float) -> dict[str, Any
 
 
 def jobs(options: argparse.Namespace) -> Iterator[tuple[Path, str, int]]:
-    """Yield file, solver and seed of each run, one file of each class first."""
+    """Yield file, solver and seed of each run: first one seed of one file of each class."""
     for place in range(options.files):
-        for kind in options.only:
-            files = sorted(
-                (DATA / kind).glob("*.vrp"), key=lambda path: (path.stat().st_size, path)
-            )
-            for seed in range(options.seeds):
+        for seed in range(options.seeds):
+            for kind in options.only:
+                files = sorted(
+                    (DATA / kind).glob("*.vrp"), key=lambda path: (path.stat().st_size, path)
+                )
                 for solver in options.solvers if place < len(files) else ():
-                    yield files[place], solver, seed
+                    if solver != "vroom" or (kind in IN_VROOM and seed == 0):
+                        yield files[place], solver, seed
 
 
-def report(rows: list[dict[str, Any]]) -> None:
-    """Print the mean gap per class and solver, the runs without a plan and the rejected plans."""
+def report(rows: list[dict[str, Any]], seconds: float, write_table: bool) -> None:
+    """Print the mean gap per class and solver, with the rejected plans, and write the table if required."""
     groups: dict[tuple[str, str], list[dict[str, Any]]] = defaultdict(list)
     for row in rows:
         groups[row["file"].split("/")[0], row["solver"]].append(row)
-    for (kind, solver), runs in sorted(groups.items()):
-        gaps = [row["gap"] for row in runs if row.get("gap") is not None]
-        mean = f"{np.mean(gaps):7.2f} %" if gaps else "      - "
-        rejected = sum(bool(row.get("faults")) for row in runs)
-        print(
-            f"{kind:10} {solver:16} {mean}  runs {len(runs)}, without plan {len(runs) - len(gaps)}, "
-            f"rejected {rejected}"
+    table = []
+    for kind in CLASSES:
+        runs = [run for solver in SOLVERS for run in groups[kind, solver]]
+        if not runs:
+            continue
+        cells: list[str] = []
+        for solver in SOLVERS:
+            own = groups[kind, solver]
+            gaps = [run["gap"] for run in own if run.get("gap") is not None]
+            lacking = f", {len(own) - len(gaps)} without plan" * (len(gaps) < len(own))
+            spent = f" ({np.mean([run['cpu'] for run in own]):.0f} s)" * (solver == "vroom")
+            cells.append(f"{np.mean(gaps):.2f}{spent}{lacking}" if gaps else lacking.strip(", "))
+        files = sorted({run["file"].split("/")[1] for run in runs})
+        seeds = len({run["seed"] for run in runs})
+        rejected = sum(bool(run.get("faults")) for run in runs)
+        table.append([kind, ", ".join(files), seeds, *cells, rejected])
+        print(*table[-1], sep=" | ")
+    if write_table:
+        columns = {"class": "", "files": "", "seeds": "d"} | dict.fromkeys(SOLVERS.values(), "")
+        said = (
+            f"Mean gap to the best known solutions in per cent after {seconds:g} CPU seconds on one thread, set-up "
+            f"included. VROOM {vroom_version()} runs until it ends, its CPU seconds are in parentheses; an empty "
+            "cell is a class that it does not contain, or was not run. The last column counts the plans that an "
+            "independent schedule checker rejects."
         )
+        write(
+            "fleet", "rich-classes", str(HERE), columns | {"rejected": "d"}, table,
+            ("pyvrp", "ortools"), said,
+        )  # fmt: skip
+
+
+def vroom_version() -> str:
+    """Return the version of pyvroom, empty if it is not installed."""
+    try:
+        return version("pyvroom")
+    except ImportError:
+        return ""
 
 
 def main() -> None:
@@ -145,7 +263,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--files", type=int, default=99, help="files per class, the smallest first")
     parser.add_argument("--only", nargs="+", default=list(CLASSES), choices=list(CLASSES))
-    parser.add_argument("--solvers", nargs="+", default=list(SOLVERS), choices=SOLVERS)
+    parser.add_argument("--solvers", nargs="+", default=list(SOLVERS), choices=list(SOLVERS))
+    parser.add_argument("--write", action="store_true", help="write the table of the page")
     parser.add_argument(
         "--out", type=Path, default=HERE.parents[3] / "build" / "rich-classes.jsonl"
     )
@@ -176,7 +295,7 @@ def main() -> None:
         rows.append(row)
         with options.out.open("a") as file:
             file.write(json.dumps(row) + "\n")
-    report(rows)
+    report(rows, options.seconds, options.write)
 
 
 if __name__ == "__main__":
