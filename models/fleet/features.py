@@ -20,18 +20,10 @@ FEATURES = (
 
 
 def features_of(model: Any) -> frozenset[str]:
-    """Return the names of the rich features that `model` uses; empty for a plain model.
+    """Return the names of the rich features that `model` uses, members of ``FEATURES``; empty for a plain model.
 
-    Parameters
-    ----------
-    model : FleetRouting
-        The model. An empty list, and ``False`` for `backhauls`, are absent.
-
-    Returns
-    -------
-    frozenset of str
-        Members of ``FEATURES``: names of fields, ``"dimensions"`` for capacities with several
-        dimensions, and ``"cost"`` or ``"makespan"`` for these objectives.
+    They are names of fields, ``"dimensions"`` for loads with several dimensions, and ``"cost"`` or
+    ``"makespan"`` for these objectives. An empty list, and ``False`` for `backhauls`, are absent.
     """
     names = {str(model.objective)} & {"cost", "makespan"}
     for name in FEATURES:

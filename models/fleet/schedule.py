@@ -136,26 +136,12 @@ def earliest_returns(model: RichData, vehicle: int, route: Sequence[int]) -> lis
 
 
 def schedule_route(model: RichData, vehicle: int, route: Sequence[int]) -> tuple[float, ...]:
-    """Return the departure, the begin of each service and the return of a route, in s.
+    """Return the departure, the begin of each service and the return of a route, in s; empty for an empty route.
 
-    The return is the earliest one within all limits, and the departure the latest for it. If the
-    duration has a cost, the duration is the least possible instead, with the earliest return for it.
-    If no schedule keeps all limits, the services are as early as possible, and the verification names
-    the violated limits.
-
-    Parameters
-    ----------
-    model : FleetRouting
-        The model.
-    vehicle : int
-        Index of the vehicle.
-    route : sequence of int
-        Nodes of the route without its depots.
-
-    Returns
-    -------
-    tuple of float
-        Times, one per node of the route and two more; empty for an empty route.
+    The return is the earliest one within all limits, and the departure the latest for it. If the duration has a
+    cost, the duration is the least possible instead, with the earliest return for it. If no schedule keeps all
+    limits, the services are as early as possible, and the verification names the violated limits. `route` does
+    not contain the depots.
     """
     if not route:
         return ()

@@ -45,13 +45,7 @@ class Obstacles(Protocol):
 
 
 class Solids:
-    """Obstacles as a union of disjoint polygons.
-
-    Parameters
-    ----------
-    polygons : sequence of shapely.Polygon
-        Obstacles; they may touch, overlap and nest.
-    """
+    """Obstacles as a union of disjoint polygons; the given ones may touch, overlap and nest."""
 
     def __init__(self, polygons: Any) -> None:
         import shapely
@@ -133,34 +127,11 @@ class _Forbidden:
 def deepest(
     curves: Sequence[Pieces], solids: Obstacles, radius: float, slack: float, cell: float
 ) -> tuple[float, int, float, tuple[float, ...]]:
-    """Return the largest penetration of curves into obstacles enlarged by `radius`, and its place.
+    """Return the largest penetration of curves into obstacles enlarged by `radius` (m), and its place.
 
-    A piece is safe if its convex hull is. Other pieces are bisected until the chord approximates the
-    curve.
-
-    Parameters
-    ----------
-    curves : sequence of Pieces
-        The curves.
-    solids : Obstacles
-        The obstacles, in the dimension of the curves.
-    radius : float
-        Radius of the robots, m.
-    slack : float
-        Penetration that may remain undetected, m.
-    cell : float
-        Length scale, m: the depth is accurate to a hundredth of it.
-
-    Returns
-    -------
-    depth : float
-        Largest penetration, m; 0 if all curves are safe.
-    owner : int
-        Curve with the largest penetration.
-    time : float
-        Its time, s.
-    place : tuple of float
-        Its position, m.
+    A piece is safe if its convex hull is. Other pieces are bisected until the chord approximates the curve. A
+    penetration up to `slack` (m) may remain undetected, and the depth is accurate to a hundredth of `cell` (m).
+    The result is the depth (m; 0 if all curves are safe), the curve, the time (s) and the position (m).
     """
     pieces = Pieces(*(np.concatenate(parts) for parts in zip(*curves, strict=True)))
     best: tuple[float, int, float, tuple[float, ...]]

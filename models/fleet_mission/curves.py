@@ -37,14 +37,8 @@ MOST = 100_000
 class Pieces(NamedTuple):
     """Pieces of polynomial curves in Bézier form.
 
-    Parameters
-    ----------
-    control : ndarray, shape (n, degree + 1, axes)
-        Bézier points, m.
-    times : ndarray, shape (n, 2)
-        Start and end of each piece, s.
-    owner : ndarray of int, shape (n,)
-        Index of the curve, or pair of curves, of each piece.
+    `control`, shape (n, degree + 1, axes), are the Bézier points, m, `times`, shape (n, 2), start and end, s,
+    and `owner`, shape (n,), is the index of the curve, or pair of curves.
     """
 
     control: Floats
@@ -179,16 +173,9 @@ def coefficients_between(trajectory: Trajectory, knots: Floats, degree: int) -> 
 
 
 class Near(NamedTuple):
-    """Closest approach of two curves.
+    """Closest approach of two curves: distance (m), time (s) and indices of the curves.
 
-    Parameters
-    ----------
-    distance : float
-        Least distance, m; infinite if no two robots are under way at the same time.
-    time : float
-        Time of the closest approach, s.
-    pair : tuple of int
-        Indices of the curves.
+    The distance is infinite if no two robots are under way at the same time.
     """
 
     distance: float
@@ -229,17 +216,9 @@ def nearest(
 ) -> Near:
     """Return the closest approach of any two robots under way at the same time.
 
-    Branch and bound in time: the hull of the Bézier points of a difference bounds it from below.
-
-    Parameters
-    ----------
-    trajectories : list of Trajectory
-        Positions (m) in time, of equal dimensions; before its first and after its last knot a robot is
-        not under way.
-    slack : float
-        Accuracy: the least distance is at least the returned one minus `slack`, m.
-    pairs : ndarray of int, shape (n, 2), optional
-        Pairs of curves to compare; all pairs by default.
+    Branch and bound in time: the hull of the Bézier points of a difference bounds it from below. A robot is
+    under way between its first and its last knot. The least distance is at least the returned one minus `slack`
+    (m). `pairs`, shape (n, 2), are the curves to compare; all pairs by default.
     """
     import shapely
 

@@ -152,13 +152,7 @@ class MovingObstacle(Declared):
 
 @dataclass(frozen=True)
 class Movers(Nested):
-    """Moving obstacle in the plane or in space; errors name its row of the field.
-
-    Parameters
-    ----------
-    axes : int
-        Required number of dimensions.
-    """
+    """Moving obstacle in the plane or in space (`axes`); errors name its row of the field."""
 
     axes: int = 2
 

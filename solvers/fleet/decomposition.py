@@ -32,17 +32,7 @@ ROUNDING = 1e-12
 
 
 class Parts:
-    """Routes of a large fleet and their repeated improvement by parts.
-
-    Parameters
-    ----------
-    model : FleetRouting
-        The model.
-    routes : list of list of int
-        Nodes of each vehicle; every node is in one route.
-    draw : numpy.random.Generator
-        Random numbers.
-    """
+    """Routes of a large fleet and their repeated improvement by parts; every node is in one route."""
 
     def __init__(self, model: FleetRouting, routes: Routes, draw: np.random.Generator) -> None:
         self.model, self.draw = model, draw

@@ -41,22 +41,12 @@ CUTS = 64
 class Graph(NamedTuple):
     """Arcs between n nodes and the depot, which has index n.
 
-    Attributes
-    ----------
-    cost : ndarray, shape (n + 1, n + 1)
-        Reduced costs; infinite for arcs that do not exist.
-    use : ndarray, shape (r, n + 1, n + 1)
-        Use of each resource.
-    low, high : ndarray, shape (r, n + 1)
-        Limits on the level of each resource on arrival; a level below `low` is raised to it.
-    limit : ndarray, shape (r,)
-        Limits on the forward level, the use of an arc and the backward level together.
-    own, near : ndarray of uint64, shape (n, words)
-        Bit of each node, and its ng-set.
-    members, memory : ndarray of uint64, shape (n,)
-        Subset-row cuts that contain the node, and cuts whose memory contains it.
-    penalty : ndarray, shape (64,)
-        Cost of every second visit to the nodes of a cut.
+    `cost`, shape (n + 1, n + 1), are reduced costs, infinite for arcs that do not exist, and `use`, shape (r, n
+    + 1, n + 1), is the use of each resource. `low` and `high`, shape (r, n + 1), limit the level on arrival; a
+    level below `low` is raised to it. `limit`, shape (r,), limits the forward level, the use of an arc and the
+    backward level together. `own` and `near`, shape (n, words), are the bit of each node and its ng-set.
+    `members` and `memory`, shape (n,), are the subset-row cuts that contain the node, and those whose memory
+    contains it. `penalty`, shape (64,), is the cost of every second visit to the nodes of a cut.
     """
 
     cost: Floats
@@ -74,21 +64,11 @@ class Graph(NamedTuple):
 class Labels(NamedTuple):
     """Columns of labels, and lists of labels per node and bucket of the first resource.
 
-    Attributes
-    ----------
-    node, parent, following, waiting : ndarray of int64, shape (room,)
-        Last node, parent label (-1 at the depot), and next labels in the list of the bucket and in the
-        queue.
-    cost, odd, alive : ndarray, shape (room,)
-        Reduced cost, odd parities of the cuts, and 0 for dominated labels.
-    level : ndarray, shape (room, r)
-        Level of each resource.
-    seen : ndarray of uint64, shape (room, words)
-        Remembered nodes.
-    heads, least : ndarray, shape (n, buckets)
-        First label of each list, and a lower bound on its costs.
-    queue : ndarray of int64, shape (2, buckets)
-        First and last label of each bucket that waits for its extension.
+    Each label has its last `node`, `parent` (-1 at the depot), next labels in the list of its bucket and in the
+    queue (`following`, `waiting`), reduced `cost`, odd parities of the cuts, 0 in `alive` if it is dominated,
+    `level` of each resource, shape (room, r), and remembered nodes `seen`, shape (room, words). `heads` and
+    `least`, shape (n, buckets), are the first label of each list and a lower bound on its costs. `queue`, shape
+    (2, buckets), is the first and the last label of each bucket that waits for its extension.
     """
 
     node: Ints

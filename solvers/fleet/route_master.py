@@ -51,20 +51,11 @@ class Column:
 class Master:
     """Linear program over the routes found so far.
 
-    Attributes
-    ----------
-    covering : bool
-        Whether nodes may be visited more than once, which is allowed if a shortcut is never longer.
-    counts : ndarray, shape (kinds, 2)
-        Least and largest number of routes of each kind.
-    penalty : float
-        Cost of each unit that a row lacks.
-    prizes : ndarray, shape (n,)
-        Relative cost of a node that is not visited; infinite if it must be visited.
-    arcs : list
-        Coefficients of the rows over arcs, shape (n + 1, n + 1), with their row and right-hand side.
-    triples : list
-        Members and memory of the subset-row cuts, with their row.
+    If `covering`, nodes may be visited more than once, which is allowed if a shortcut is never longer.
+    `counts`, shape (kinds, 2), limit the number of routes of each kind. `penalty` is the cost of each unit that
+    a row lacks, and `prizes`, shape (n,), the relative cost of a node that is not visited, infinite if it must
+    be visited. `arcs` are rows with coefficients over arcs, shape (n + 1, n + 1), and their right-hand sides;
+    `triples` are rows of subset-row cuts with their members and memory.
     """
 
     network: Network

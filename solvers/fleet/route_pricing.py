@@ -81,16 +81,9 @@ class Resource(NamedTuple):
 class Network:
     """Arcs and ng-sets of the nodes to visit; nodes are numbered 0 … n - 1, the depot n.
 
-    Attributes
-    ----------
-    lengths : ndarray, shape (kinds, n + 1, n + 1)
-        Distances of each kind of vehicle.
-    costs : ndarray, shape (kinds, n + 1, n + 1)
-        Costs of each kind of vehicle in the objective, divided by `unit`.
-    barred : ndarray of bool, shape (kinds, n + 1, n + 1)
-        Arcs of nodes that a kind cannot visit.
-    near : ndarray of bool, shape (n, n)
-        Row j is the ng-set of node j.
+    `lengths`, `costs` and `barred`, shape (kinds, n + 1, n + 1), are distances, costs in the objective divided
+    by `unit`, and arcs of nodes that a kind cannot visit. Row j of `near`, shape (n, n), is the ng-set of node
+    j.
     """
 
     model: FleetRouting
@@ -258,18 +251,10 @@ def _additive(use: Floats, limit: float) -> Resource:
 
 @dataclass
 class Prices:
-    """Dual prices: of visits, of arcs, and of subset-row cuts with members and memories.
+    """Dual prices of visits, shape (n,), of arcs, shape (n + 1, n + 1), and of subset-row cuts.
 
-    Attributes
-    ----------
-    nodes : ndarray, shape (n,)
-        Price of each visit.
-    arcs : ndarray, shape (n + 1, n + 1)
-        Price of each arc, for all kinds of vehicles.
-    members, memory : ndarray of uint64, shape (n,)
-        Cuts of each node, one bit each.
-    penalty : ndarray, shape (64,)
-        Prices of the cuts, at least 0.
+    `members` and `memory` have one bit per cut at each node; `penalty`, shape (64,), are its prices, at least
+    0.
     """
 
     nodes: Floats
@@ -280,13 +265,7 @@ class Prices:
 
 
 class Pricing:
-    """Search for routes of least reduced cost.
-
-    Attributes
-    ----------
-    labels : int
-        Labels of all searches.
-    """
+    """Search for routes of least reduced cost; `labels` counts those of all searches."""
 
     def __init__(self, network: Network, flag: NDArray[np.int8]) -> None:
         self.network, self.flag = network, flag
@@ -299,21 +278,9 @@ class Pricing:
     ) -> tuple[float, list[tuple[int, ...]]] | None:  # fmt: skip
         """Return a bound on the reduced costs below `most` and the cheapest routes; None after a stop.
 
-        Parameters
-        ----------
-        k : int
-            Kind of the vehicle.
-        prices : Prices
-            Dual prices.
-        forbidden : ndarray of bool, shape (n + 1, n + 1)
-            Arcs without a route.
-        longest : float
-            Largest length of a route.
-        most : float
-            Routes of this reduced cost or more are not returned.
-        exact : bool
-            Whether no route of an ng-relaxation is cheaper than the bound. Without it, dominance ignores the
-            visited nodes.
+        Routes of kind `k` avoid the arcs `forbidden`, shape (n + 1, n + 1), and are at most `longest` long. If
+        `exact`, no route of an ng-relaxation is cheaper than the bound. Otherwise dominance ignores the visited
+        nodes.
         """
         network = self.network
         n = network.size

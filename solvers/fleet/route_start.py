@@ -18,21 +18,9 @@ def insert_nodes(
 ) -> list[tuple[int, tuple[int, ...]]]:
     """Return routes by cheapest insertion: nodes whose windows end first, then distant ones.
 
-    Parameters
-    ----------
-    network : Network
-        The network.
-    prizes : ndarray, shape (n,)
-        Relative cost of a node that is not visited; infinite if it must be visited.
-    priced : bool
-        Whether the increase of the costs is minimised; otherwise the length of the route.
-    stopped : callable
-        Whether a stop is requested.
-
-    Returns
-    -------
-    list of (int, tuple of int)
-        Kind and nodes of each vehicle, idle ones included; empty after a stop, or if a node does not fit.
+    `prizes`, shape (n,), is the relative cost of a node that is not visited, infinite if it must be visited.
+    The increase of the costs is minimised if `priced`, otherwise the length of the route. The result is the
+    kind and the nodes of each vehicle, idle ones included; it is empty after a stop, or if a node does not fit.
     """
     n, relative = network.size, network.costs if priced else network.lengths
     routes = [(k, tuple[int, ...]()) for k, kind in enumerate(network.kinds) for _ in kind.vehicles]

@@ -63,14 +63,8 @@ class Stopped(Exception):
 class Tree:
     """Nodes of the tree, solved one at a time.
 
-    Attributes
-    ----------
-    longest : float
-        Largest length of a route.
-    enough : float
-        Bound at which a node needs no further work; without costs, any positive bound.
-    edges : dict
-        Rows of the edges that some node requires.
+    Routes are at most `longest` long. A node needs no further work at the bound `enough`; without costs, at any
+    positive bound. `edges` are the rows of the edges that some node requires.
     """
 
     def __init__(self, network: Network, master: Master, request: Request, priced: bool) -> None:

@@ -194,16 +194,10 @@ def _decimal_scale(values: Floats, total: float) -> float | None:
 
 
 def whole_loads(model: FleetRouting, largest: int) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return whole-number loads, rounded up, and capacities, rounded down.
+    """Return whole-number deliveries, pickups, amounts of pairs, and capacities of the vehicles.
 
-    Returns
-    -------
-    deliveries, pickups : ndarray of int, shape (n, dimensions)
-        Amounts from and to the depot; 0 at the nodes of pairs.
-    amounts : ndarray of int, shape (pairs, dimensions)
-        Amounts of the pairs.
-    capacity : ndarray of int, shape (vehicles, dimensions)
-        Capacities, at most the sum of all amounts.
+    Loads are rounded up, and capacities down to at most the sum of all amounts. Each row has one number per
+    dimension. Deliveries and pickups are from and to the depot, and 0 at the nodes of pairs.
     """
     size, pairs = model.size, np.zeros((0, 2), int) if model.pairs is None else model.pairs
     if model.capacity is None:

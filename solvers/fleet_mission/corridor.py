@@ -30,16 +30,10 @@ INSET = 1e-5
 
 
 class Corridor(NamedTuple):
-    """Boxes along a robot's route.
+    """Boxes along a robot's route and a short polyline within them, all in m.
 
-    Parameters
-    ----------
-    lower, upper : ndarray, shape (k, 2)
-        Bounds of the box of each segment, m.
-    knots : ndarray, shape (k + 1, 2)
-        Points of a short polyline within the boxes, m.
-    stops : ndarray of int, shape (stops,)
-        Knots of the depot and the nodes, in order; coinciding places share a knot.
+    `lower` and `upper`, shape (k, 2), bound the box of each segment, `knots`, shape (k + 1, 2), are the
+    polyline, and `stops` are its knots at the depot and the nodes, in order; coinciding places share a knot.
     """
 
     lower: Floats
@@ -49,19 +43,10 @@ class Corridor(NamedTuple):
 
 
 def crossed(grid: GridMap, path: Floats) -> list[Cell] | None:
-    """Return the free cells crossed by a polyline; consecutive cells share an edge.
+    """Return the free cells crossed by a polyline, shape (k, 2), in m; consecutive cells share an edge.
 
-    Parameters
-    ----------
-    grid : GridMap
-        The map.
-    path : ndarray, shape (k, 2)
-        x, y (m); it may touch blocked cells and turn at their corners.
-
-    Returns
-    -------
-    list of (row, column), or None
-        None if the path crosses a blocked cell, or passes between two that touch at a corner.
+    The polyline may touch blocked cells and turn at their corners. None if it crosses a blocked cell, or passes
+    between two that touch at a corner.
     """
     free = ~np.pad(grid.blocked, 1, constant_values=True)
 
@@ -173,20 +158,10 @@ def _boxes(grid: GridMap, chain: list[Cell], reach: int) -> list[Box]:
 def corridor(
     grid: GridMap, places: Floats, chains: Sequence[list[Cell]], margin: float, reach: int = 12
 ) -> Corridor:
-    """Return the corridor of a route from place to place.
+    """Return the corridor of a route over `places`, shape (stops, 2), m: depot, nodes and depot again.
 
-    Parameters
-    ----------
-    grid : GridMap
-        The map.
-    places : ndarray, shape (stops, 2)
-        The depot, the nodes and the depot again, m.
-    chains : list of list of (row, column)
-        Cells from each place to the next; empty if both coincide.
-    margin : float
-        Extension of the boxes beyond the polyline, m.
-    reach : int
-        Maximum extension of the boxes beyond the chain, cells.
+    `chains` are the cells from each place to the next, empty if both coincide. Boxes extend at most `margin`
+    (m) beyond the polyline, and at most `reach` cells beyond the chain.
     """
     lower, upper = [], []
     stops = [0]

@@ -28,16 +28,9 @@ CLEAR = 1.1
 
 
 class Leg(NamedTuple):
-    """Curve from rest to rest between two places of a course.
+    """Curve (m) from rest to rest between the places `begin` and `end` of a course, from time 0.
 
-    Parameters
-    ----------
-    begin, end : int
-        Indices of the places.
-    curve : Trajectory
-        x and y over time, from time 0, m.
-    visits : ndarray, shape (nodes,)
-        Times at which nodes are passed, s.
+    `visits`, shape (nodes,), are the times at which nodes are passed, s.
     """
 
     begin: int
@@ -52,14 +45,9 @@ class Leg(NamedTuple):
 
 
 class Course(NamedTuple):
-    """Places at which a robot may rest, from the depot to the depot, and legs between them.
+    """Places at which a robot may rest, shape (n, 2), m, from the depot to the depot, and legs between them.
 
-    Parameters
-    ----------
-    places : ndarray, shape (n, 2)
-        Positions, m; the first and the last are the depot, where the robot takes no room.
-    legs : tuple of Leg
-        At least one leg leads from the first to the last place.
+    A robot takes no room at the depot. At least one leg leads from the first to the last place.
     """
 
     places: Floats
@@ -76,15 +64,7 @@ class Course(NamedTuple):
 
 
 def whole_courses(problem: FleetMission, flights: Sequence[Flight]) -> list[Course]:
-    """Return courses without rests, at several speeds.
-
-    Parameters
-    ----------
-    problem : FleetMission
-        The mission.
-    flights : sequence of Flight
-        One flight per robot, from time 0.
-    """
+    """Return courses without rests, at several speeds, one per flight."""
     home = np.stack([problem.depot, problem.depot])
     whole = [
         Leg(0, 1, entry.trajectory, entry.trajectory.times[entry.stops[1:-1]]) for entry in flights
@@ -97,16 +77,8 @@ def courses_with_rests(
 ) -> Iterator[Course]:
     """Yield a course per robot, with flights through other corridors and up to two places of rest.
 
-    Parameters
-    ----------
-    problem : FleetMission
-        The mission.
-    direct : sequence of Course
-        Courses without rests.
-    ways : sequence of Corridor
-        Corridors of the further flights.
-    fly : callable
-        Returns the flight through a corridor, from rest to rest.
+    `direct` are the courses without rests, and `ways` the corridors of the further flights. `fly` returns the
+    flight through a corridor, from rest to rest.
     """
     lines = [_points_along(way)[1] for way in ways]
     for robot, (course, way) in enumerate(zip(direct, ways, strict=True)):

@@ -27,19 +27,10 @@ def departures(
 ) -> list[Trajectory]:  # fmt: skip
     """Return the trajectories, delayed so that the robots keep their separation.
 
-    Each robot in turn departs as early as the previous ones and moving obstacles allow. Departing after
-    all of them have returned or stopped is the last attempt. Until then robots wait in the depot's queue.
-
-    Parameters
-    ----------
-    problem : FleetMission
-        The mission with its required separation.
-    flights : sequence of Trajectory
-        One trajectory per robot, from time 0.
-    slack : float
-        Accuracy of the least distance, m.
-    stopped : callable, optional
-        Its result is true once the time is over; the remaining robots then depart one after another.
+    Each robot in turn departs as early as the previous ones and moving obstacles allow. Departing after all of
+    them have returned or stopped is the last attempt. Until then robots wait in the depot's queue. `flights`
+    begin at time 0, and `slack` is the accuracy of the least distance, m. Once `stopped` returns true, the
+    remaining robots depart one after another.
     """
     if not problem.moving and (problem.separation == 0.0 or len(flights) < 2):
         return list(flights)

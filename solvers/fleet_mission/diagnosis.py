@@ -19,20 +19,8 @@ HALVINGS = 12
 def diagnose_mission(model: FleetMission, time_limit: float | None = None) -> Diagnosis:
     """Return the feasibility of a mission, the place that limits the radius, and the largest radius.
 
-    A model with unreachable nodes raises when it is constructed. In every other model a plan exists:
-    robots move one after the other and rest wherever they turn.
-
-    Parameters
-    ----------
-    model : FleetMission
-        The model to diagnose.
-    time_limit : float, optional
-        Ignored: no search is needed.
-
-    Returns
-    -------
-    Diagnosis
-        A feasible mission with findings on the radius.
+    A model with unreachable nodes raises when it is constructed. In every other model a plan exists: robots
+    move one after the other and rest wherever they turn. `time_limit` is ignored, because no search is needed.
     """
     room = -model.solids.depths(model.places, 0.0)
     k = int(np.argmin(room))

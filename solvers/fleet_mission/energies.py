@@ -18,17 +18,9 @@ READINGS: tuple[str, ...] = get_args(Reading)
 
 
 def unit_energies(places: Floats) -> Floats:
-    """Return the energy per metre between places (eq. 17): Manhattan over Euclidean distance.
+    """Return the energy per metre between places, shape (n, n), 1 … √2 (eq. 17): Manhattan over Euclidean distance.
 
-    Parameters
-    ----------
-    places : ndarray, shape (n, 2)
-        x, y, m.
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-        Energy per metre, 1 … √2; 1 for coinciding places.
+    `places`, shape (n, 2), are in m. Coinciding places have the value 1.
     """
     step = np.abs(places[:, None] - places[None])
     straight = np.hypot(step[..., 0], step[..., 1])
@@ -38,21 +30,11 @@ def unit_energies(places: Floats) -> Floats:
 
 
 def leg_energies(problem: MissionData, reading: Reading) -> Floats:
-    """Return the energy of each leg between the depot and the nodes (eq. 14).
+    """Return the energy of each leg between the depot and the nodes, m, shape (n + 1, n + 1) (eq. 14).
 
-    Parameters
-    ----------
-    problem : MissionData
-        The mission.
-    reading : {"direct", "manhattan", "paths"}
-        "direct" takes the Euclidean distance of places that see each other on the map and applies
-        eq. 17 to all other pairs (Algorithm 1, lines 8-13). "manhattan" applies eq. 17 to every pair.
-        "paths" takes the length of the shortest path along four neighbours.
-
-    Returns
-    -------
-    ndarray, shape (n + 1, n + 1)
-        Energies, m; row 0 is the depot.
+    "direct" takes the Euclidean distance of places that see each other on the map and applies eq. 17 to all
+    other pairs (Algorithm 1, lines 8-13). "manhattan" applies eq. 17 to every pair. "paths" takes the length of
+    the shortest path along four neighbours. Row 0 is the depot.
     """
     if reading == "paths":
         return distances(problem.map, problem.cells, diagonal=False)

@@ -33,18 +33,11 @@ SPARE = 1e-9
 
 
 class Flight(NamedTuple):
-    """A robot's trajectory, and how it came about.
+    """A robot's trajectory from time 0, and how it came about.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-        From time 0.
-    programs : int
-        Minimum-snap problems that were solved.
-    rests : bool
-        Whether it rests at every knot, for no better one was found.
-    stops : ndarray of int, shape (stops,)
-        Its knots at the depot, the nodes and the depot again.
+    `programs` is the number of minimum-snap problems that were solved. `rests` is true if the robot rests at
+    every knot, because no better curve was found. `stops` are the knots at the depot, the nodes and the depot
+    again.
     """
 
     trajectory: Trajectory
@@ -105,16 +98,9 @@ def times_along(problem: FleetMission, way: Corridor) -> Floats:
 
 
 def slowed(problem: FleetMission, one: Trajectory, unit: float = 1.0) -> Trajectory:
-    """Return the same curve, in the least multiple of its time that keeps the limits.
+    """Return the same curve in the least multiple of its time that keeps the limits.
 
-    Parameters
-    ----------
-    problem : FleetMission
-        Says the limits.
-    one : Trajectory
-        The curve.
-    unit : float
-        The unit of its times, s.
+    Its times are in units of `unit` s.
     """
     shares = []
     for order, limit in ((1, problem.velocity_limit), (2, problem.acceleration_limit)):

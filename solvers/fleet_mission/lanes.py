@@ -31,17 +31,9 @@ class _Box(NamedTuple):
 def kept_right(way: Corridor, separation: float, margin: float) -> Corridor | None:
     """Return the corridor without the left half of each passage, or None if no passage has two lanes.
 
-    Robots in opposite lanes of a passage keep their separation at any time. A passage is a box that a
-    robot crosses along its longer side. Near a stop, the box keeps its full width.
-
-    Parameters
-    ----------
-    way : Corridor
-        Corridor whose boxes have their full width.
-    separation : float
-        Required distance of robots, m.
-    margin : float
-        Extension of the boxes beyond the polyline, m.
+    Robots in opposite lanes of a passage keep their `separation` (m) at any time. A passage is a box that a
+    robot crosses along its longer side. Near a stop, the box keeps its full width. The boxes of `way` have
+    their full width; those of the result extend at most `margin` (m) beyond the polyline.
     """
     rows = {row for row in range(len(way.lower)) if _is_passage(way, row, separation)}
     while rows:

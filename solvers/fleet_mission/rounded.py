@@ -323,20 +323,9 @@ def rounded_curve(
 ) -> tuple[Trajectory, Ints, bool] | None:
     """Return a fast trajectory along the polyline of a corridor, or None if all its knots coincide.
 
-    Parameters
-    ----------
-    problem : FleetMission
-        The mission with its limits.
-    way : Corridor
-        Boxes and polyline. The curve leaves the polyline only at corners, within the boxes beside them.
-    detour : float
-        Largest additional length, as a share of the polyline's length.
-
-    Returns
-    -------
-    tuple of Trajectory, ndarray of int and bool, or None
-        The trajectory from time 0, its knots at the stops of the corridor, and whether it rests at every
-        corner.
+    The curve leaves the polyline only at corners, within the boxes beside them, and is at most the share
+    `detour` longer. The result is the trajectory from time 0, its knots at the stops of the corridor, and
+    whether it rests at every corner.
     """
     legs = legs_of(problem, way)
     if len(legs.length) == 0:

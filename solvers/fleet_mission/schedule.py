@@ -271,23 +271,9 @@ def schedule(
 ) -> list[Timed] | None:
     """Return trajectories that keep robots and moving obstacles apart, with an early last return.
 
-    Parameters
-    ----------
-    problem : FleetMission
-        The mission.
-    courses : sequence of Course
-        One course per robot.
-    seed : int
-        Seed of the changes of the order.
-    slack : float
-        Accuracy of the least distances in the proof, m.
-    stopped : callable
-        Its result is true once the search must end.
-
-    Returns
-    -------
-    list of Timed or None
-        None if no schedule was found or if its separation is not proven.
+    There is one course per robot. `seed` is that of the changes of the order, `slack` the accuracy of the least
+    distances in the proof (m), and the search ends once `stopped` returns true. None if no schedule was found
+    or if its separation is not proven.
     """
     for factor in FACTORS:
         grid = _Grid(problem, courses, factor)

@@ -65,15 +65,7 @@ def taking(option: str, name: str, kind: type[Model[Any]], *programs: type[Model
 
 @dataclass
 class Stages:
-    """State of a pipeline run: its statistics and the times of its stages.
-
-    Parameters
-    ----------
-    problem : FleetMission
-        The mission.
-    request : Request
-        The run that the stages are part of.
-    """
+    """State of a pipeline run: its statistics and the times of its stages."""
 
     problem: FleetMission
     request: Request
@@ -92,21 +84,10 @@ class Stages:
             self.statistics[name] = spent
 
     def routed(self, backend: Backend, seconds: float | None, costs: Floats) -> FleetPlan:
-        """Return routes over the places (0 the depot, then the nodes).
+        """Return routes over the places (0 the depot, then the nodes), within `seconds` if given.
 
-        Parameters
-        ----------
-        backend : Backend
-            Solver of the routing problem.
-        seconds : float, optional
-            Time limit of the routing, s.
-        costs : ndarray, shape (n + 1, n + 1)
-            Length or energy of each leg, m.
-
-        Raises
-        ------
-        Unanswered
-            The backend returned no feasible routes.
+        `costs`, shape (n + 1, n + 1), is the length or energy of each leg, m. Raise `Unanswered` without
+        feasible routes.
         """
         problem = self.problem
         q = problem.q if problem.objective.startswith("sum-") else 0.0
@@ -167,16 +148,9 @@ def _split(costs: Floats, vehicles: int) -> FleetPlan:
 def planned(
     routes: FleetPlan, flights: list[Trajectory], stops: list[NDArray[np.int64]]
 ) -> MissionPlan:
-    """Return the mission plan of routes and trajectories.
+    """Return the mission plan of routes over places (nodes from 1, 0 is the depot), one trajectory per robot.
 
-    Parameters
-    ----------
-    routes : FleetPlan
-        Routes over places: nodes are counted from 1, and 0 is the depot.
-    flights : list of Trajectory
-        One trajectory per robot.
-    stops : list of ndarray of int
-        Indices of the knots at the depot, the nodes and the depot again.
+    `stops` are the knots at the depot, the nodes and the depot again.
     """
     return MissionPlan(
         tuple(tuple(node - 1 for node in route) for route in routes.routes),
