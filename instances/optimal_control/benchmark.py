@@ -33,17 +33,9 @@ class Benchmark(Protocol[P]):
 
 
 def benchmark(declare: Callable[Concatenate[OptimalControlProblem, P], None]) -> Benchmark[P]:
-    """Return a function that creates a problem, declares it with `declare`, and returns it.
+    """Return the function ``(name, **options)`` that creates a problem, declares it with `declare`, and returns it.
 
-    Parameters
-    ----------
-    declare : callable
-        Function ``(ocp, **options)`` that declares a problem.
-
-    Returns
-    -------
-    callable
-        Function ``(name, **options)``, with the name documented as first parameter.
+    `declare` takes the problem and the options. The name is documented as the first parameter.
     """
     default = f"optimal-control/{declare.__name__.replace('_', '-')}"
 

@@ -42,16 +42,7 @@ def _integrals(
 def is_convex(definition: Definition) -> bool:
     """Return True if the problem is proven to be convex, so that every local optimum is global.
 
-    Parameters
-    ----------
-    definition : Definition
-        Problem with the values of its data.
-
-    Returns
-    -------
-    bool
-        False if the problem is not convex, has a free time or integer controls, or convexity was not
-        established.
+    False if it is not convex, has a free time or integer controls, or convexity was not established.
     """
     for phase in definition.phases:
         fixed = phase.start_lower == phase.start_upper and phase.end_lower == phase.end_upper

@@ -71,18 +71,10 @@ def _check_sizes(what: str, function: casadi.Function, sizes: Mapping[str, int])
 
 @dataclass(frozen=True, eq=False)
 class Guess(Declared):
-    """Samples of the guessed states and controls of a phase.
+    """Samples of the guessed states and controls of a phase, interpolated linearly.
 
-    Parameters
-    ----------
-    start, end : float
-        Guessed times of the two ends.
-    fractions : ndarray, shape (samples,)
-        Positions of the samples, from 0 (start) to 1 (end), increasing.
-    states : ndarray, shape (samples, states)
-        Values of the states, interpolated linearly.
-    controls : ndarray, shape (samples, controls)
-        Values of the controls, interpolated linearly.
+    `start` and `end` are the guessed times, and `fractions` the increasing positions of the samples from 0 to
+    1. Tables have the shape (samples, entries).
     """
 
     start: float = declared(Real())
@@ -233,17 +225,7 @@ class Phase(_Stacked):
         return (*self.paths, *self.invariants, *self.outputs)
 
     def observe(self, t: Floats, x: Floats, u: Floats, p: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return path constraints, invariants and outputs, each of shape (points, entries).
-
-        Parameters
-        ----------
-        t : ndarray, shape (points,)
-            Times.
-        x, u : ndarray, shape (points, size)
-            States and controls.
-        p : ndarray, shape (parameters,)
-            Parameters.
-        """
+        """Return path constraints, invariants and outputs at times `t`, each of shape (points, entries)."""
         arguments = (t[None, :], x.T, u.T, p)
         _, path, _, invariant = (result.full().T for result in self.function(*arguments))
         if self.outputs_function is None:

@@ -227,14 +227,11 @@ def _minimum(
 def hamiltonian_gains(problem: Any, plan: ControlPlan) -> tuple[Floats | None, ...]:
     """Return the potential decrease of the objective per interval, estimated from the Hamiltonian.
 
-    To first order, the objective exceeds its optimum by the integral over time of the difference
-    between the Hamiltonian and its minimum over the controls. If the phase does not depend on time
-    explicitly, the Hamiltonian of the optimum is constant. The integral of its distance from its
-    median then estimates the excess, which is distributed over the intervals in proportion to its
-    changes.
-
-    The result has one array per phase, shape (intervals,), in the unit of the objective. It is None for
-    a phase that depends on time explicitly or has no costates.
+    To first order, the objective exceeds its optimum by the integral over time of the difference between
+    the Hamiltonian and its minimum over the controls. In a phase without explicit time, the optimum has a
+    constant Hamiltonian. The integral of the distance from the median then estimates the excess, which is
+    distributed in proportion to its changes over the intervals. Other phases, and those without costates,
+    have None.
     """
     definition: Definition = getattr(problem, "definition", problem)
     with np.errstate(all="ignore"):

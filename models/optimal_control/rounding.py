@@ -83,14 +83,8 @@ class RoundedPlan:
 def sum_up(means: Floats, lower: Floats, upper: Floats, one_of: bool) -> Floats:
     """Return integers, shape (steps, controls), whose running sums stay close to those of `means`.
 
-    Parameters
-    ----------
-    means : ndarray, shape (steps, controls)
-        Mean of each relaxed control over each step of an equidistant grid.
-    lower, upper : ndarray, shape (controls,)
-        Integer bounds.
-    one_of : bool
-        Whether exactly one control is 1 in each step.
+    `means` are the means of the relaxed controls over the steps of an equidistant grid. If `one_of`, exactly one
+    control is 1 in each step.
     """
     rounded, remainder = np.zeros_like(means), np.zeros(means.shape[1])
     for k, mean in enumerate(means):

@@ -28,21 +28,10 @@ def is_sampled(definition: Definition, data: Any) -> bool:
 def plan_of_samples(definition: Definition, data: Mapping[str, Any]) -> ControlPlan:
     """Return the plan that interpolates samples linearly.
 
-    Parameters
-    ----------
-    definition : Definition
-        Problem.
-    data : mapping
-        ``"time"``, shape (samples,), and each state and control by name, shape (samples,), or
-        (samples, size) for vectors. A control may have one sample fewer: the last one is repeated. A
-        problem with several phases takes one such mapping per phase, by name. ``"parameters"``
-        optionally contains values by name; others have their guess, and data their value.
-
-    Raises
-    ------
-    InvalidData
-        A name is missing or unknown, or an array has another shape, is not finite, or its times do not
-        increase.
+    `data` has ``"time"``, each state and control by name, shape (samples,) or (samples, size), and optionally
+    ``"parameters"`` by name; others have their guess, and data their value. A control may have one sample
+    fewer: the last one is repeated. A problem with several phases takes one such mapping per phase, by name.
+    Errors name the wrong entry.
     """
     parts = {name: value for name, value in data.items() if name != "parameters"}
     if "time" in parts:

@@ -258,14 +258,7 @@ def course_of(phase: Phase, plan: PhasePlan, parameters: Floats) -> Course:
 
 
 def courses(definition: Definition, plan: ControlPlan) -> tuple[Course, ...]:
-    """Return the phases of `plan` with their declarations.
-
-    Raises
-    ------
-    InvalidData
-        The phases, names or parameters of the plan differ from those of the problem, or a
-        parameter is not finite.
-    """
+    """Return the phases of `plan` with their declarations; a plan of another problem raises ``InvalidData``."""
     required("problem", definition, Definition)
     if not isinstance(plan, ControlPlan):
         raise InvalidData(f"plan must be a ControlPlan, got {show(plan)}", field="plan")

@@ -45,17 +45,7 @@ class TrackingLaw(StrEnum):
     INERTIA = "inertia"
 
     def stiffness(self, frequency: float, inertia: Floats, scalar: float) -> Floats:
-        """Return K_p, N m, shape (3, 3).
-
-        Parameters
-        ----------
-        frequency : float
-            ω_n, rad/s.
-        inertia : ndarray, shape (3, 3)
-            I, kg m².
-        scalar : float
-            q_e0, the scalar part of the error quaternion.
-        """
+        """Return K_p, N m, shape (3, 3), for ω_n (rad/s), the inertia and the scalar part of q_e."""
         if self == TrackingLaw.INERTIA:
             return 2.0 * frequency**2 * inertia
         gain = 2.0 * frequency**2 * float(np.trace(inertia)) / 3.0
@@ -73,14 +63,8 @@ def tracking_torque(
 ) -> Floats:
     """Return T_c = -K_p q_e - K_d w_e - T_ext + w×(I w + h) + I ẇ_d (eq. 32), N m, shape (3,).
 
-    Parameters
-    ----------
-    stiffness, damping : array_like, shape (3, 3)
-        K_p (N m) and K_d (N m s), symmetric and positive definite.
-    error, rate_error : array_like, shape (3,)
-        q_e, the vector part of the error quaternion (eq. 25), and w_e = w - w_d, rad/s.
-    outer, gyration, push : array_like, shape (3,)
-        T_ext, w×(I w + h) and I ẇ_d, N m.
+    `stiffness` (N m) and `damping` (N m s) are K_p and K_d, shape (3, 3). `error` is the vector part of q_e
+    (eq. 25), `rate_error` is w - w_d. `outer`, `gyration` and `push` are T_ext, w×(I w + h) and I ẇ_d, N m.
     """
     feedback = np.asarray(stiffness) @ np.asarray(error) + np.asarray(damping) @ np.asarray(
         rate_error
@@ -99,24 +83,11 @@ def lyapunov_function(gain: float, inertia: Floats, error: Floats, rate_error: F
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """Controller on one phase of a plan; parameters as in ``track``.
+    """Controller on one phase of a plan.
 
-    Parameters
-    ----------
-    model : SatelliteSlew
-        Satellite as modelled by the controller.
-    phase : PhasePlan
-        Plan to follow.
-    frequency, damping : float
-        ω_n (rad/s) and ζ.
-    outer : callable
-        T_ext, N m, as a function of time.
-    known : float
-        Share of T_ext that the controller compensates.
-    homing : float
-        Rate of the null motion back to the plan's gimbal angles, 1/s.
-    law : TrackingLaw
-        Gain of the attitude error.
+    `frequency` (rad/s) and `damping` are ω_n and ζ. `outer` is T_ext (N m) as a function of time, and `known`
+    the share of it that the controller compensates. `homing` is the rate of the null motion back to the
+    plan's gimbal angles, 1/s. `law` is the gain of the attitude error.
     """
 
     model: SatelliteSlew
@@ -138,23 +109,9 @@ class Controller:
         return attitude_error(x[:4], desired[:4]), x[4:7] - desired[4:7]
 
     def command(self, t: float, long: float, x: Floats) -> tuple[Floats, Floats, bool]:
-        """Return the torque of eq. 32, the gimbal rates for it, and whether a limit reduces it.
+        """Return T_c of eq. 32, the gimbal rates for it, and whether the gyros produce less.
 
-        Parameters
-        ----------
-        t, long : float
-            Time and length of the sample, s.
-        x : ndarray, shape (7 + gyros,)
-            Measured state.
-
-        Returns
-        -------
-        torque : ndarray, shape (3,)
-            T_c, N m.
-        rates : ndarray, shape (gyros,)
-            Gimbal rates, rad/s.
-        saturated : bool
-            Whether the gyros produce less than `torque`.
+        `t` and `long` are time and length of the sample, and `x`, shape (7 + gyros,), the measured state.
         """
         model, motion = self.model, SlewMotion.of(self.model)
         current, following = self.wanted(t), self.wanted(t + long)

@@ -289,18 +289,7 @@ class SlewData(Model[ControlPlan]):
         return self.gimbal_rate_limit * (1.0 - self.margin)
 
     def magnitudes(self, vectors: ArrayLike) -> Floats:
-        """Return the values bounded by a limit of body rates or torque.
-
-        Parameters
-        ----------
-        vectors : array_like, shape (…, 3)
-            Vectors in body axes.
-
-        Returns
-        -------
-        ndarray, shape (…, 3) or (…, 1)
-            The magnitudes of the components, or the norm (`vector_limits`).
-        """
+        """Return the values bounded by a limit: magnitudes of components, or the norm, shape (…, 3 or 1)."""
         array = np.asarray(vectors, float)
         norm = self.vector_limits == VectorLimits.NORM
         result: Floats = np.linalg.norm(array, axis=-1, keepdims=True) if norm else np.abs(array)

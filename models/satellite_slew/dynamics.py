@@ -36,16 +36,9 @@ STATES, CONTROLS = names_of(4)
 
 @dataclass(frozen=True, eq=False)
 class SlewMotion:
-    """Equations of motion of a satellite with gyros.
+    """Equations of motion of a satellite with the inertia I (kg m²) and wheels of the momentum h0 (N m s).
 
-    Parameters
-    ----------
-    inertia : ndarray, shape (3, 3)
-        I, kg m².
-    momentum : float
-        h0, N m s.
-    gyros : float or (ndarray, ndarray)
-        Skew angle of the pyramid of four, rad, or coefficients (:func:`~.gyros.gyro_coefficients`).
+    `gyros` is the skew angle of the pyramid of four, rad, or coefficients (:func:`~.gyros.gyro_coefficients`).
     """
 
     inertia: Floats
@@ -66,14 +59,7 @@ class SlewMotion:
     def rate(self, x: Floats, u: Floats, outer: Iterable[float] = (0.0, 0.0, 0.0)) -> list[float]:
         """Return ẋ at one instant (eq. 3, 9 and 10).
 
-        Parameters
-        ----------
-        x : ndarray, shape (7 + gyros,)
-            q, w and δ.
-        u : ndarray, shape (gyros,)
-            Gimbal rates δ̇, rad/s.
-        outer : iterable of float, length 3
-            Outer torque T_ext in body axes, N m.
+        `x` stacks q, w and δ, `u` are the gimbal rates, and `outer` is T_ext in body axes, N m.
         """
         a, b, c, d, wx, wy, wz, *angles = x.tolist()
         speeds = u.tolist()

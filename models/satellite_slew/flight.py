@@ -157,20 +157,10 @@ def verify_flight(
 ) -> tuple[Verification, Breach | None]:
     """Return the verification of a flight against the limits of `model`, and its first violation.
 
-    Parameters
-    ----------
-    model : SatelliteSlew
-        Satellite with its limits; the margin is not deducted.
-    times : ndarray, shape (n,)
-        Times, s, dense enough to represent the motion between samples.
-    states : ndarray, shape (n, 7 + gyros)
-        Simulated states.
-    controls : ndarray, shape (n - 1, gyros)
-        Gimbal rates, constant from each time to the next, rad/s.
-    tolerance : float
-        Accepted excess over a limit, as a share of the limit.
-    ends : (float, float)
-        Largest angle from the final attitude (rad) and largest error of a body rate (rad/s) at the end.
+    The margin is not deducted. States, shape (n, 7 + gyros), are dense enough to represent the motion between
+    samples, and gimbal rates, shape (n - 1, gyros), are constant from each time to the next. `tolerance` is
+    the accepted excess as a share of a limit. `ends` are the largest angle from the final attitude (rad) and
+    the largest error of a body rate (rad/s) at the end.
     """
     motion = SlewMotion.of(model)
     before, after = (motion.torque(x[:, 7:], controls) for x in (states[:-1], states[1:]))

@@ -73,12 +73,7 @@ def pyramid_axes(count: int, skew: float) -> Floats:
 def gyro_coefficients(gimbal_axes: Floats, wheel_axes: Floats) -> tuple[Floats, Floats]:
     """Return the coefficients of the sines and of the cosines in A_s·1, each of shape (3, gyros).
 
-    Parameters
-    ----------
-    gimbal_axes : ndarray, shape (gyros, 3)
-        Unit vectors g in body axes.
-    wheel_axes : ndarray, shape (gyros, 3)
-        Unit vectors s of the wheels' momenta at the gimbal angle 0, perpendicular to the gimbal axes.
+    The rows of `gimbal_axes` are the unit vectors g in body axes, those of `wheel_axes` the perpendicular s.
     """
     return np.cross(gimbal_axes, wheel_axes).T, np.array(wheel_axes.T)
 
@@ -105,18 +100,9 @@ def _of_pyramid(pyramid: float) -> tuple[Floats, Floats]:
 
 
 def momentum_direction(gimbals: ArrayLike, pyramid: Gyros) -> Floats:
-    """Return A_s(δ)·1, the momentum in units of one wheel's, in body axes.
+    """Return A_s(δ)·1 in body axes, shape (…, 3), in units of one wheel's momentum.
 
-    Parameters
-    ----------
-    gimbals : array_like, shape (…, gyros)
-        Gimbal angles δ, rad.
-    pyramid : float or (ndarray, ndarray)
-        The skew angle β of the pyramid of four, rad, or the coefficients of :func:`gyro_coefficients`.
-
-    Returns
-    -------
-    ndarray, shape (…, 3)
+    `pyramid` is the skew angle β of the pyramid of four, rad, or the coefficients of :func:`gyro_coefficients`.
     """
     angles = np.asarray(gimbals, float)
     of_sines, of_cosines = as_coefficients(pyramid)

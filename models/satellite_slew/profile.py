@@ -19,18 +19,8 @@ Floats = NDArray[np.float64]
 class EigenaxisProfile:
     """Rest-to-rest rotation about one axis with a trapezoidal or triangular rate.
 
-    Parameters
-    ----------
-    initial : ndarray, shape (4,)
-        Initial attitude.
-    axis : ndarray, shape (3,)
-        Unit vector in body axes, constant during the rotation.
-    angle : float
-        Angle of the rotation, rad.
-    peak : float
-        Highest rate, rad/s; a short rotation does not reach it.
-    acceleration : float
-        Acceleration of both ramps, rad/s².
+    It starts at the attitude `initial` and turns by `angle` (rad) about the unit vector `axis` in body axes,
+    with the `acceleration` (rad/s²) up to the rate `peak` (rad/s), which a short rotation does not reach.
     """
 
     initial: Floats

@@ -62,15 +62,7 @@ def rotation_matrix(q: ArrayLike) -> Floats:
 
 
 def rotation_about(axis: ArrayLike, angle: ArrayLike) -> Floats:
-    """Return the rotation by `angle` (rad) about `axis`, shape (…, 4).
-
-    Parameters
-    ----------
-    axis : array_like, shape (3,)
-        Axis of any length but 0.
-    angle : array_like, shape (…)
-        Angles, rad.
-    """
+    """Return the rotation by `angle` (rad), shape (…), about `axis` of any length but 0, shape (…, 4)."""
     unit = np.asarray(axis, float)
     unit = unit / np.linalg.norm(unit)
     half = 0.5 * np.asarray(angle, float)[..., None]

@@ -82,24 +82,10 @@ class NonlinearBackend(Backend):
     def attempt(
         self, program: NonlinearProgram, request: Request, clock: Clock, start: Vector
     ) -> Ending:
-        """Run the solver once from `start` and report the ending.
+        """Run the solver once from `start`, shape (columns,), and report the ending.
 
-        Parameters
-        ----------
-        program : NonlinearProgram
-            The program.
-        request : Request
-            Options of the run.
-        clock : Clock
-            Clock of the run; counts ``"build"`` until the solver starts, then ``"solve"``.
-        start : ndarray, shape (columns,)
-            Initial point.
-
-        Returns
-        -------
-        Ending
-            ``INFEASIBLE`` means that the search found no feasible point from `start`, ``UNBOUNDED`` that
-            the iterates diverge.
+        The clock counts ``"build"`` until the solver starts, then ``"solve"``. ``INFEASIBLE`` means that the
+        search found no feasible point from `start`, ``UNBOUNDED`` that the iterates diverge.
         """
 
     def run(self, problem: NonlinearProgram, request: Request) -> Answer:

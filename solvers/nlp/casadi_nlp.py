@@ -29,19 +29,10 @@ class CasadiNlp(NonlinearBackend):
     """Base of the backends for plugins of ``casadi.nlpsol``.
 
     A plugin that does not load raises :class:`BackendBroken` with CasADi's message. A plugin that
-    calls back in each iteration and can stop there has the feature ``INTERRUPT``.
-
-    Attributes
-    ----------
-    plugin : str
-        Name of the plugin in CasADi.
-    limit_option : str
-        Option for the time limit; empty if there is none.
-    given : mapping of str to str
-        Derivatives of the program that the plugin accepts: CasADi's option, and the name in
-        :class:`~.scaled.Scaled`. CasADi differentiates the others automatically.
-    brings_highs : bool
-        Whether the plugin loads CasADi's own HiGHS library.
+    calls back in each iteration and can stop there has the feature ``INTERRUPT``. `plugin` is its name in
+    CasADi, and `limit_option` its option for the time limit. `given` maps CasADi's options to the derivatives
+    in :class:`~.scaled.Scaled` that the plugin accepts; CasADi differentiates the others automatically.
+    `brings_highs` marks a plugin that loads CasADi's own HiGHS library.
     """
 
     requires = ("casadi",)

@@ -51,21 +51,10 @@ DAMPED = 1e-11
 class Quality:
     """Measured quality of a point.
 
-    Parameters
-    ----------
-    point : ndarray, shape (n,)
-        The point, within the column bounds.
-    objective : float
-        Objective of the point.
-    feasible : bool
-        Whether the point satisfies rows and columns within the tolerance.
-    infeasibility : float
-        Largest violation of a row, in units of its typical size.
-    duals : ndarray, shape (m,)
-        Row multipliers of binding rows, with the correct signs.
-    stationarity : float
-        Largest reduced cost that no bound explains, relative to 1 and to the gradient of the
-        objective.
+    `point` is within the column bounds. `feasible` states whether rows and columns hold within the
+    tolerance, and `infeasibility` is the largest violation of a row, in units of its typical size. `duals`
+    are the row multipliers of binding rows, with the correct signs. `stationarity` is the largest reduced cost
+    that no bound explains, relative to 1 and to the gradient of the objective.
     """
 
     point: Vector

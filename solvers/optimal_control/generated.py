@@ -70,12 +70,8 @@ def step_function(posed: Parametric, solver: Any, name: str = "step") -> Any:
 def write_step(posed: Parametric, solver: Any, path: str | os.PathLike[str]) -> Path:
     """Write the C code of :func:`step_function`, named after the file, with CasADi's C interface.
 
-    Raises
-    ------
-    UnsupportedFormulation
-        The problem contains a function without C code, such as a callback.
-    InvalidData
-        The file cannot be written, or its name is not a valid name of a C function.
+    A function without C code, such as a callback, raises ``UnsupportedFormulation``, and a file that cannot be
+    written, or whose name is not a valid name of a C function, ``InvalidData``.
     """
     import casadi
 

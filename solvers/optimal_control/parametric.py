@@ -38,27 +38,9 @@ class Parametric:
     Columns with equal bounds are constants. Solvers then have fewer columns and, if times are fixed,
     constant derivatives. Columns, rows and objective are scaled as in
     :class:`~..nlp.scaled.Scaled`, while p has the units of the data. Rows without a free column depend
-    on the data alone and are not passed to solvers.
-
-    Parameters
-    ----------
-    formulation : Transcription
-        Problem on its mesh.
-
-    Attributes
-    ----------
-    program : NonlinearProgram
-        Complete program.
-    free, given : ndarray of int
-        Indices of the free columns, and of the columns of the data.
-    rows : ndarray of int
-        Indices of the rows that depend on a free column.
-    data : mapping of str to Quantity
-        Data by name.
-    declared : ndarray
-        Default values of all data.
-    guess : ndarray
-        Start of a search, as z.
+    on the data alone and are not passed to solvers. `free` and `given` are the indices of the free columns
+    and of those of the data, `rows` those of the rows that depend on a free column. `data` maps names to
+    quantities, `declared` are their values, and `guess` is the start of a search as z.
     """
 
     def __init__(self, formulation: Transcription) -> None:
@@ -106,13 +88,7 @@ class Parametric:
         return dict(zip(self.data, np.split(values, ends[:-1]), strict=False))
 
     def values(self, data: Mapping[str, Any]) -> Floats:
-        """Return the entries of all data, with declared values for data that are not given.
-
-        Raises
-        ------
-        InvalidData
-            A name is not data of the problem, or a value has another size or is not finite.
-        """
+        """Return the entries of all data, with declared values for data that are not given; errors name the data."""
         if not data.keys() <= self.data.keys():
             self.model.definition.given(data)  # raises, with the names of the data
         parts = [
@@ -141,13 +117,7 @@ class Parametric:
         return np.clip(z, self.bounds["lbx"], self.bounds["ubx"])
 
     def begin(self, warm: Any) -> tuple[Floats, tuple[Floats, Floats] | None]:
-        """Return the z of a step, plan or samples, or the guess by default, with its multipliers if known.
-
-        Raises
-        ------
-        InvalidData
-            `warm` is a step of another program, or another object.
-        """
+        """Return the z of a step, plan or samples, or the guess by default, with its multipliers if known."""
         if warm is None or warm is False:
             return self.guess, None
         if isinstance(warm, Point):
@@ -290,18 +260,9 @@ class Parametric:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Point of a parametric program with its multipliers, with CasADi's signs and scales.
+    """Point z of a parametric program for the data `values`.
 
-    Parameters
-    ----------
-    posed : Parametric
-        Program.
-    values : ndarray
-        Entries of all data.
-    z : ndarray
-        Free columns.
-    multipliers : tuple of ndarray
-        Multipliers of z's bounds, and of the rows passed to solvers.
+    `multipliers` are those of z's bounds and of the rows passed to solvers, with CasADi's signs and scales.
     """
 
     posed: Parametric

@@ -32,17 +32,9 @@ class NotStaged(Exception):
 class Stages:
     """Structure of the program of one phase, and the solution of its KKT system.
 
-    Parameters
-    ----------
-    posed : Parametric
-        Program.
-    jacobian, hessian : casadi.Sparsity
-        Patterns of the rows' Jacobian and of the upper triangle of the Lagrangian's Hessian.
-
-    Raises
-    ------
-    NotStaged
-        There are several phases, path equations, or terms that couple distant intervals nonlinearly.
+    `jacobian` and `hessian` are the patterns of the rows' Jacobian and of the upper triangle of the
+    Lagrangian's Hessian. Several phases, path equations, and terms that couple distant intervals nonlinearly
+    raise :class:`NotStaged`.
     """
 
     def __init__(self, posed: Parametric, jacobian: Any, hessian: Any) -> None:
@@ -225,21 +217,8 @@ class Stages:
 
         The step minimises ``gradient·d + d·(hessian + diagonal) d / 2`` subject to the linearised
         equations ``J d + residual = 0``. Inequality rows have a positive weight w and add
-        ``w |J d + residual|² / 2``; their multiplier is ``w (J d + residual)``.
-
-        Parameters
-        ----------
-        jacobian, hessian : ndarray
-            Nonzeros.
-        diagonal, gradient : ndarray, shape (columns,)
-            Barrier's curvature, and the gradient.
-        residual, weight : ndarray, shape (rows,)
-            Residuals, and weights of the inequality rows, infinite for equations.
-
-        Raises
-        ------
-        Singular
-            The point is not near a strict minimum.
+        ``w |J d + residual|² / 2``; their multiplier is ``w (J d + residual)``. Weights of equations are
+        infinite. Jacobian and Hessian are nonzeros. :class:`Singular` is raised far from a strict minimum.
         """
         buffer = self._buffer
         buffer[:] = 0.0

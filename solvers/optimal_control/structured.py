@@ -41,19 +41,8 @@ SIDES = np.array([[1.0], [-1.0]])
 class StructuredSolver:
     """Interior-point method for warm starts of a program with the structure of one phase.
 
-    Parameters
-    ----------
-    posed : Parametric
-        Program.
-    tolerance : float
-        Largest residual of the optimality conditions, in scaled columns and rows.
-    hessian : casadi.Function, optional
-        Function ``posed.derivative("hessian")`` if it is known.
-
-    Raises
-    ------
-    NotStaged
-        The program does not have the structure.
+    `tolerance` bounds the residuals of the optimality conditions, in scaled columns and rows. `hessian` may be
+    the function ``posed.derivative("hessian")``. A program without the structure raises ``NotStaged``.
     """
 
     def __init__(self, posed: Parametric, tolerance: float, hessian: Any = None) -> None:
@@ -102,22 +91,10 @@ class StructuredSolver:
 
     @np.errstate(all="ignore")  # a start that is far away overflows and does not converge
     def solve(self, p: Floats, z: Floats, multipliers: tuple[Floats, Floats]) -> dict[str, Any]:
-        """Search from a point.
+        """Search from the free columns `z` and their multipliers, and those of the rows, with CasADi's signs.
 
-        Parameters
-        ----------
-        p : ndarray
-            Data.
-        z : ndarray, shape (columns,)
-            Free columns, scaled.
-        multipliers : tuple of ndarray
-            Multipliers of z's bounds and of the rows, with CasADi's signs.
-
-        Returns
-        -------
-        dict
-            ``success``, ``status``, ``iterations``, ``z``, ``multipliers``, and the scaled objective ``f``
-            and rows ``g`` at z.
+        Returns ``success``, ``status``, ``iterations``, ``z``, ``multipliers``, and the scaled objective ``f``
+        and rows ``g`` at z.
         """
         count, between, low, high = z.size, self._between, self._low, self._high
         duals = multipliers[1]

@@ -200,29 +200,12 @@ def rescue(
     solve: Callable[[Any, Request], tuple[Answer, Any]],
     left: Callable[[], float | None],
 ) -> tuple[Answer, Any]:
-    """Return `answer`, or the answer of an alternative of the formulation if it is not settled.
+    """Return `answer` and its program, or those of an alternative of the formulation if it is not settled.
 
-    Parameters
-    ----------
-    run : Run
-        The run; its target and history become those of the best stage.
-    formulation : Formulation
-        The first formulation with the guess of the caller. The run's own may have a drawn start by now.
-    program : Program
-        The program of `answer`.
-    request : Request
-        Request of the run.
-    answer : Answer
-        Answer of the refined first formulation.
-    solve : callable
-        Function ``(program, request) -> (Answer, Program)`` that solves and refines the run's target.
-    left : callable
-        Returns the seconds left; None for no limit.
-
-    Returns
-    -------
-    Answer, Program
-        The best answer and its program. The statistics list the stages under :data:`STAGES`.
+    `formulation` is the first one, with the guess of the caller; the run's own may have a drawn start by now.
+    `solve` solves and refines the run's target, and `left` returns the seconds left (None for no limit). The
+    target and history of the run become those of the best stage. Statistics list the stages under
+    :data:`STAGES`.
     """
     settled = (
         answer.termination is Termination.LOCALLY_OPTIMAL

@@ -73,18 +73,7 @@ class ClosedLoop:
 
     The torque is that of eq. 32 with K_p = 2 ω_n² I and without disturbance, T_c = -K_p q_e - K_d w_e
     + w×(I w + h) + I ẇ_d. The law computes gimbal rates for it. From the start of the braking, null
-    motion moves the gimbals to their final angles.
-
-    Parameters
-    ----------
-    model : SatelliteSlew
-        Slew.
-    law : SteeringLaw
-        Steering law.
-    profile : EigenaxisProfile
-        Rotation.
-    tolerance : float
-        Largest error of every state at the end.
+    motion moves the gimbals to their final angles. `tolerance` is the largest error of a state at the end.
     """
 
     model: SatelliteSlew

@@ -57,15 +57,7 @@ class PseudoInverse(SteeringLaw):
 
 @dataclass(frozen=True)
 class RobustInverse(SteeringLaw):
-    """Singularity-robust inverse.
-
-    Parameters
-    ----------
-    most : float
-        λ0, damping at a singularity.
-    decay : float
-        μ, decay of the damping with det(A Aᵀ).
-    """
+    """Singularity-robust inverse with the damping λ0 = `most`, which decays with μ = `decay` times det(A Aᵀ)."""
 
     most: float
     decay: float
@@ -82,14 +74,7 @@ class RobustInverse(SteeringLaw):
 class GeneralisedInverse(RobustInverse):
     """Generalised singularity-robust inverse: E has ε sin(ω t + φ_i) off its diagonal.
 
-    Parameters
-    ----------
-    most, decay : float
-        See :class:`RobustInverse`.
-    amplitude : float
-        ε.
-    frequency : float
-        ω, rad/s.
+    `amplitude` is ε and `frequency` is ω, rad/s.
     """
 
     amplitude: float

@@ -42,15 +42,8 @@ MOTIONS, HALVINGS, STEPS, NODES = 3, 40, 40, 24
 class Dependence:
     """Conditions of one phase that follow from others.
 
-    Parameters
-    ----------
-    phase : int
-        Index of the phase.
-    finals, boundaries, paths : tuple of int
-        States with implied final values, and implied entries of boundary constraints and path
-        equations.
-    begun : tuple of int
-        Path equations that hold throughout if they hold at the start, which is free.
+    `finals` are states with implied final values, `boundaries` implied entries of boundary constraints, `paths`
+    implied path equations, and `begun` those that hold throughout if they hold at the start, which is free.
     """
 
     phase: int

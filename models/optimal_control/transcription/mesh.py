@@ -33,17 +33,9 @@ LINEAR = 40, 5
 class Mesh:
     """Intervals of one phase.
 
-    Parameters
-    ----------
-    fractions : ndarray, shape (intervals + 1,)
-        Ends of the intervals, from 0 (the phase's start) to 1 (its end).
-    degrees : ndarray of int, shape (intervals,)
-        Number of collocation nodes per interval.
-    calm : ndarray of bool, shape (intervals,), optional
-        Intervals whose controls are polynomials of half the degree, which prevents chattering on a
-        singular arc; none by default.
-    linear : bool
-        Whether controls are linear in calm intervals.
+    `fractions` are their ends, from 0 to 1, and `degrees` the numbers of collocation nodes. Controls of `calm`
+    intervals, by default none, are polynomials of half the degree, or lines if `linear`. This prevents
+    chattering on a singular arc.
     """
 
     fractions: Floats

@@ -50,40 +50,17 @@ STEP, TURNS = 0.15, 2
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Assessment of one phase by intervals.
+    """Assessment of one phase by intervals; places are in [-1, 1]."""
 
-    Parameters
-    ----------
-    errors : ndarray, shape (intervals,)
-        Relative errors of motion and integrals.
-    violations : ndarray, shape (intervals,)
-        Largest relative violations of state bounds and path constraints between the nodes.
-    decays : ndarray, shape (intervals,)
-        Decay of the controls' Legendre coefficients, in decades per degree.
-    tails : ndarray, shape (intervals,)
-        Largest coefficients of the upper half of the degrees, relative to the control's size.
-    cuts : tuple of (float or None)
-        Places in [-1, 1] at which a control switches between its bounds.
-    windows : tuple of tuple
-        Pairs of neighbouring nodes, in [-1, 1], between which a constraint becomes active or
-        inactive.
-    chatters : ndarray of bool, shape (intervals,)
-        Intervals with a control that alternates from node to node.
-    places : ndarray, shape (intervals,)
-        Places in [-1, 1] of the largest violation of the dynamics or constraints.
-    sizes : PhaseSizes
-        Sizes of the phase along the plan.
-    """
-
-    errors: Floats
-    violations: Floats
-    decays: Floats
-    tails: Floats
-    cuts: tuple[float | None, ...]
-    windows: tuple[tuple[tuple[float, float], ...], ...]
-    chatters: NDArray[np.bool_]
-    places: Floats
-    sizes: PhaseSizes
+    errors: Floats  # relative, of motion and integrals
+    violations: Floats  # relative ones of states and paths between nodes
+    decays: Floats  # of the controls' Legendre coefficients, in decades per degree
+    tails: Floats  # largest coefficients of the upper half of the degrees, relative to the control
+    cuts: tuple[float | None, ...]  # at which a control switches between its bounds
+    windows: tuple[tuple[tuple[float, float], ...], ...]  # pairs of nodes: see `_windows`
+    chatters: NDArray[np.bool_]  # whether a control alternates from node to node
+    places: Floats  # of the largest violation of the dynamics or constraints
+    sizes: PhaseSizes  # along the plan
 
     @cached_property
     def worst(self) -> Floats:

@@ -38,37 +38,19 @@ Floats = NDArray[np.float64]
 class Scheme:
     """Collocation scheme of one interval.
 
-    Parameters
-    ----------
-    points : ndarray, shape (points,)
-        Positions of the states, from -1 to 1 inclusive.
-    collocated : ndarray of int, shape (collocated,)
-        Indices of the points at which controls exist and the dynamics are imposed.
-    left : ndarray, shape (rows, points)
-        Coefficients of the states.
-    right : ndarray, shape (rows, collocated)
-        Coefficients of ``(h / 2) F``.
-    weights : ndarray, shape (collocated,)
-        Quadrature weights with sum 2.
-    plan_points : ndarray, shape (m,)
-        Nodes of the state's polynomial.
-    from_states : ndarray, shape (m, points)
-        With `from_rates`, the polynomial's values at its nodes:
-        ``from_states @ X + (h / 2) from_rates @ F``.
-    from_rates : ndarray, shape (m, collocated)
-        See `from_states`.
-    shared : bool
-        Whether the ends of intervals are collocated, so that neighbours share their control.
+    `from_states` and `from_rates` give the values of the plan's polynomial at its nodes `plan_points`:
+    ``from_states @ X + (h / 2) from_rates @ F``. If `shared`, the ends of intervals are collocated, and
+    neighbours share their control there.
     """
 
-    points: Floats
-    collocated: NDArray[np.int64]
-    left: Floats
-    right: Floats
-    weights: Floats
+    points: Floats  # of the states, from -1 to 1 inclusive
+    collocated: NDArray[np.int64]  # points with controls, at which the dynamics are imposed
+    left: Floats  # coefficients of the states, (rows, points)
+    right: Floats  # coefficients of ``(h / 2) F``, (rows, collocated)
+    weights: Floats  # of the quadrature, with sum 2
     plan_points: Floats
-    from_states: Floats
-    from_rates: Floats
+    from_states: Floats  # (plan points, points)
+    from_rates: Floats  # (plan points, collocated)
     shared: bool = False
 
     def __post_init__(self) -> None:
