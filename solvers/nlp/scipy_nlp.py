@@ -1,4 +1,4 @@
-"""SciPy's two methods for constrained programs: SLSQP and trust-constr."""
+"""SciPy's two methods for constrained programs, on the scaled program: SLSQP and trust-constr."""
 
 from __future__ import annotations
 
@@ -34,54 +34,45 @@ class _Stopped(Exception):
 
 
 class _Posed:
-    """Scaled program as functions of arrays that cache their last values.
-
-    Every evaluation checks the clock and stop requests with `limit_reached`.
-    """
+    """Scaled program for ``scipy.optimize.minimize``; every evaluation polls `limit_reached`."""
 
     def __init__(
         self, program: NonlinearProgram, limit_reached: Callable[[], bool], start: Vector
     ) -> None:
-        self.scaled = Scaled(program)
+        self.scaled, self._limit_reached = Scaled(program), limit_reached
         bounds = self.scaled.bounds
-        self.lower, self.upper = bounds["lbx"], bounds["ubx"]
+        self.columns = bounds["lbx"], bounds["ubx"]
         #: Rows with a bound, and their bounds.
         self.bounded = np.flatnonzero(np.isfinite(bounds["lbg"]) | np.isfinite(bounds["ubg"]))
         self.row_bounds = bounds["lbg"][self.bounded], bounds["ubg"][self.bounded]
         self.row_count = program.row_count
         self.start = self.last = self.scaled.start(start)
         self.count = 0
-        self._limit_reached = limit_reached
-        self._cached: dict[str, tuple[bytes, Any]] = {}
 
-    def _values(self, name: str, z: Vector) -> Any:
-        key = z.tobytes()
-        if name not in self._cached or self._cached[name][0] != key:
-            if self._limit_reached():
-                raise _Stopped
-            self._cached[name] = key, getattr(self.scaled, name)(z, [])
-        return self._cached[name][1]
+    def _at(self, name: str, z: Vector, *multipliers: Any) -> Any:
+        if self._limit_reached():
+            raise _Stopped
+        return getattr(self.scaled, name)(z, [], *multipliers)
 
     def objective(self, z: Vector) -> tuple[float, Vector]:
-        """Return the scaled objective and its gradient, shape (n,)."""
-        value, gradient = self._values("gradient", z)
+        """Return the scaled objective and its gradient."""
+        value, gradient = self._at("gradient", z)
         return float(value), vector(gradient)
 
     def rows(self, z: Vector) -> Vector:
         """Return the bounded rows."""
-        return vector(self._values("jacobian", z)[0])[self.bounded]
+        return vector(self._at("jacobian", z)[0])[self.bounded]
 
     def jacobian(self, z: Vector) -> sp.csc_array:
-        """Return the Jacobian of the bounded rows, shape (rows, n)."""
-        return sp.csc_array(self._values("jacobian", z)[1].sparse())[self.bounded]
+        """Return the Jacobian of the bounded rows."""
+        return sp.csc_array(self._at("jacobian", z)[1].sparse())[self.bounded]
 
-    def hessian(self, z: Vector, weight: float, duals: Vector | None = None) -> sp.csc_array:
-        """Return the Hessian of ``weight f + duals·g``, both triangles, shape (n, n)."""
-        weights = self.all_rows(np.zeros(self.bounded.size) if duals is None else duals)
-        upper = sp.csc_array(self.scaled.hessian(z, [], weight, weights).sparse())
+    def hessian(self, z: Vector, weight: float, duals: Any = 0.0) -> sp.csc_array:
+        """Return the Hessian of ``weight f + duals·g``, both triangles."""
+        upper = sp.csc_array(self._at("hessian", z, weight, self.all_rows(duals)).sparse())
         return sp.csc_array(upper + sp.triu(upper, 1).T)
 
-    def all_rows(self, values: Vector) -> Vector:
+    def all_rows(self, values: Any) -> Vector:
         """Return `values` of the bounded rows with 0 for the others."""
         result = np.zeros(self.row_count)
         result[self.bounded] = values
@@ -127,23 +118,17 @@ class _ScipyNlp(NonlinearBackend):
         return replace(ending, point=point, duals=duals)
 
     def minimise(self, posed: _Posed, start: Vector, **arguments: Any) -> Any:
-        """Run ``scipy.optimize.minimize`` with the bounds and bounded rows of the program."""
+        """Run ``scipy.optimize.minimize`` with the finite bounds of the program."""
         from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-        constraints = []
-        if posed.bounded.size:
-            constraints.append(
-                NonlinearConstraint(
-                    posed.rows, *posed.row_bounds, jac=posed.jacobian,
-                    hess=lambda z, duals: posed.hessian(z, 0.0, duals),
-                )
-            )  # fmt: skip
-        limits = None
-        if np.isfinite(posed.lower).any() or np.isfinite(posed.upper).any():
-            limits = Bounds(posed.lower, posed.upper)
+        rows = NonlinearConstraint(
+            posed.rows, *posed.row_bounds, jac=posed.jacobian,
+            hess=lambda z, duals: posed.hessian(z, 0.0, duals),
+        )  # fmt: skip
         return minimize(
-            posed.objective, start, jac=True, method=self.name, bounds=limits,
-            constraints=constraints, callback=posed.see, **arguments,
+            posed.objective, start, jac=True, method=self.name, callback=posed.see,
+            bounds=Bounds(*posed.columns) if np.isfinite(posed.columns).any() else None,
+            constraints=[rows] if posed.bounded.size else [], **arguments,
         )  # fmt: skip
 
 
@@ -196,14 +181,11 @@ class TrustConstr(_ScipyNlp):
         point, most, barrier = posed.start, request.options["max_iter"], FIRST_BARRIER
         while True:
             options = {
-                "maxiter": max(most - posed.count, 1),
-                "verbose": 3 if request.verbose else 0,
-                "gtol": 1e-8 if barrier == FIRST_BARRIER else 1e-13,
-                "xtol": 1e-12,
-                "initial_barrier_parameter": barrier,
-                "initial_barrier_tolerance": barrier,
+                "maxiter": max(most - posed.count, 1), "verbose": 3 if request.verbose else 0,
+                "gtol": 1e-8 if barrier == FIRST_BARRIER else 1e-13, "xtol": 1e-12,
+                "initial_barrier_parameter": barrier, "initial_barrier_tolerance": barrier,
                 "barrier_tol": BARRIER,
-            }
+            }  # fmt: skip
             result = self.minimise(
                 posed, point, hess=lambda z: posed.hessian(z, 1.0), options=options
             )
@@ -213,14 +195,11 @@ class TrustConstr(_ScipyNlp):
                 break
             # SciPy stops when the problem with this barrier is solved, however large the barrier is.
             barrier = max(min(last, barrier) * 0.01, BARRIER)
-        multipliers = result.get("v")
-        has_duals = posed.bounded.size and multipliers
+        multipliers = result.get("v") if posed.bounded.size else None
         return Ending(
             Ended.PROVEN if is_finished else Ended.STOPPED,
             point,
-            duals=posed.all_rows(
-                np.asarray(multipliers[0], float) if has_duals else np.zeros(posed.bounded.size)
-            ),
+            duals=posed.all_rows(multipliers[0] if multipliers else 0.0),
             limit=None if is_finished else Limit.ITERATIONS,
             statistics={"iterations": posed.count},
             message="" if is_finished else f"trust-constr: {result.message}",
