@@ -7,20 +7,6 @@ import math
 from ...models.optimal_control.model import OptimalControlProblem
 from .benchmark import benchmark
 
-__all__ = [
-    "brachistochrone",
-    "brockett",
-    "bryson_denham",
-    "decay_fit",
-    "dido",
-    "double_integrator_energy",
-    "hanging_chain",
-    "hypersensitive",
-    "linear_regulator",
-    "maximal_range",
-    "zermelo",
-]
-
 
 @benchmark
 def brachistochrone(ocp: OptimalControlProblem, *, gravity: float = 9.80665) -> None:

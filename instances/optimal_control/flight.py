@@ -7,8 +7,6 @@ import math
 from ...models.optimal_control.model import OptimalControlProblem
 from .benchmark import benchmark
 
-__all__ = ["hang_glider", "minimum_time_to_climb", "shuttle_reentry"]
-
 
 @benchmark
 def hang_glider(ocp: OptimalControlProblem) -> None:

@@ -7,17 +7,6 @@ import math
 from ...models.optimal_control.model import OptimalControlProblem
 from .benchmark import benchmark
 
-__all__ = [
-    "around_discs",
-    "cart_pole",
-    "container_crane",
-    "dubins",
-    "free_flying_robot",
-    "quadrotor",
-    "robot_arm",
-    "unicycle",
-]
-
 
 @benchmark
 def container_crane(ocp: OptimalControlProblem) -> None:

@@ -9,15 +9,6 @@ from typing import Any
 from ...models.optimal_control.model import OptimalControlProblem
 from .benchmark import benchmark
 
-__all__ = [
-    "delta_iii",
-    "goddard",
-    "goddard_phases",
-    "linear_tangent_steering",
-    "orbit_raising",
-    "two_stage_ascent",
-]
-
 
 @benchmark
 def linear_tangent_steering(ocp: OptimalControlProblem) -> None:

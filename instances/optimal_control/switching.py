@@ -7,22 +7,6 @@ import math
 from ...models.optimal_control.model import OptimalControlProblem
 from .benchmark import benchmark
 
-__all__ = [
-    "aly_chan",
-    "batch_reactor",
-    "catalyst_mixing",
-    "double_integrator",
-    "double_integrator_fuel",
-    "harmonic_oscillator",
-    "lotka_volterra_fishing",
-    "moon_lander",
-    "rayleigh",
-    "singular_regulator",
-    "tubular_reactor",
-    "tumor",
-    "van_der_pol",
-]
-
 
 @benchmark
 def double_integrator(ocp: OptimalControlProblem) -> None:

@@ -113,35 +113,13 @@ class _Stacked(Declared):
 class Phase(_Stacked):
     """Phase: an interval of time with its own states, controls and dynamics.
 
-    Parameters
-    ----------
-    name : str
-        Name of the phase.
-    states, controls : tuple of Quantity
-        States and controls.
-    start_lower, start_upper, end_lower, end_upper : float
-        Bounds of the start and end times; equal ones fix them.
-    time_unit : str
-        Unit of time.
-    paths : tuple of Restriction
-        Constraints at every instant (C ≤ 0 of the paper's eq. 13).
-    integrals : int
-        Number of integrals over the phase in costs and constraints.
-    invariants : tuple of Restriction
-        Quantities that the dynamics conserve, with infinite bounds.
-    function : casadi.Function
-        ``(t, x, u, p) -> (rate, path, integrand, invariant)`` at one instant.
-    guess : Guess
-        Start of a search.
-    dynamics_equation : str
-        Equation number of the dynamics in the paper.
-    outputs : tuple of Restriction
-        Additional quantities to show, with infinite bounds.
-    outputs_function : casadi.Function, optional
-        ``(t, x, u, p) -> output``; None without outputs.
-    instants : tuple of float
-        Interior instants whose states occur in costs and boundary constraints, as fractions of the
-        phase, increasing.
+    Equal bounds of the start or end time fix it. `paths` are constraints at every instant (C ≤ 0 of the
+    paper's eq. 13). `invariants`, which the dynamics conserve, and `outputs`, which are shown, have infinite
+    bounds. `integrals` is the number of integrals over the phase in costs and constraints. `function` is
+    ``(t, x, u, p) -> (rate, path, integrand, invariant)`` at one instant, and `outputs_function`
+    ``(t, x, u, p) -> output``, None without outputs. `instants` are the interior instants whose states occur
+    in costs and boundary constraints, as increasing fractions of the phase. `dynamics_equation` is the number
+    in the paper.
     """
 
     name: str = declared(Text())
@@ -240,23 +218,13 @@ class Phase(_Stacked):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Definition(_Stacked):
-    """Optimal control problem in Bolza form, over one or several phases.
+    """Optimal control problem in Bolza form, over one or several phases in order.
 
-    Parameters
-    ----------
-    phases : tuple of Phase
-        Phases in order.
-    parameters : tuple of Quantity
-        Constants to be optimised or given; `initial_lower` = `initial_upper` is their guess.
-    boundaries : tuple of Restriction
-        Constraints between the ends of the phases (φ = 0 of the paper's eq. 13).
-    endpoint : casadi.Function
-        ``(e, p) -> (objective, boundary)`` with the endpoint vector e, which stacks t0, tf, x0, xf,
-        the integrals and the states at interior instants of every phase.
-    objective_unit : str
-        Unit of the objective.
-    objective_scale : float
-        Typical size of the objective; 0 to measure it along the guess and each plan.
+    `parameters` are constants to be optimised or given, guessed at `initial_lower` = `initial_upper`.
+    `boundaries` are constraints between the ends of the phases (φ = 0 of the paper's eq. 13). `endpoint` is
+    ``(e, p) -> (objective, boundary)`` with the endpoint vector e, which stacks t0, tf, x0, xf, the integrals
+    and the states at interior instants of every phase. `objective_scale` is the typical size of the
+    objective; 0 to measure it along the guess and each plan.
     """
 
     phases: tuple[Phase, ...] = declared(Listed(Phase))
@@ -300,13 +268,7 @@ class Definition(_Stacked):
         return frozen(np.concatenate([np.arange(size) >= size - inner for size, inner in sizes]))
 
     def given(self, values: Mapping[str, Any]) -> Definition:
-        """Return the definition with other values of its data, by name; the others are unchanged.
-
-        Raises
-        ------
-        InvalidData
-            A name is not data of the problem, or a value has another size or is not finite.
-        """
+        """Return the definition with other values of its data, by name; unknown names and other sizes raise."""
         data = {parameter.name: parameter for parameter in self.parameters if parameter.given}
         for name in values:
             if name not in data:

@@ -309,7 +309,8 @@ def _reports(definition: Definition, phases: tuple[Course, ...]) -> Iterator[Ham
         width = np.diff(grid.times)
         mean = float((0.5 * (level[1:] + level[:-1]) * width).sum() / width.sum())
         is_free = phase.end_lower < course.plan.end < phase.end_upper
-        depends = _speaks_of(definition, first + 1)
+        # Whether the objective and the boundary constraints depend on the end time.
+        depends = [first + 1 in definition.endpoint.jac_sparsity(k, 0).get_col() for k in (0, 1)]
         yield HamiltonianReport(
             phase=phase.name,
             autonomous=_autonomous(course),
@@ -330,9 +331,3 @@ def _weights(definition: Definition, phases: tuple[Course, ...]) -> Floats:
     slope = casadi.Function("slope", [e, p], [casadi.gradient(function(e, p)[0], e)])
     result: Floats = slope(endpoint(phases), phases[0].parameters).full().ravel()
     return result
-
-
-def _speaks_of(definition: Definition, entry: int) -> list[bool]:
-    """Return whether the objective and the boundary constraints depend on an entry of the endpoint vector."""
-    function = definition.endpoint
-    return [entry in function.jac_sparsity(k, 0).get_col() for k in range(function.n_out())]

@@ -63,27 +63,12 @@ ItemT = TypeVar("ItemT", bound=_Bounded)
 
 @dataclass(frozen=True, eq=False)
 class Quantity(_Bounded):
-    """State, control or parameter: a vector with bounds.
+    """State, control or parameter: a vector with bounds, whose fields have the shape (size,).
 
-    Parameters
-    ----------
-    name : str
-        Name, without brackets.
-    lower, upper : ndarray, shape (size,)
-        Bounds at every instant.
-    initial_lower, initial_upper, final_lower, final_upper : ndarray, shape (size,)
-        Bounds at the two ends of the phase; equal ones fix the value.
-    scale : ndarray, shape (size,)
-        Typical size of each entry, positive.
-    unit : str
-        Unit, for display.
-    given : bool
-        Whether the parameter is data: its value is fixed, and all bounds equal it.
-    integer : bool
-        Whether the control is integer-valued. Solvers relax it, and
-        :func:`~.rounding.round_controls` rounds the relaxed control.
-    algebraic : bool
-        Whether the control is an algebraic variable, which algebraic equations determine.
+    The name has no brackets. Equal bounds at an end of the phase fix the value there, and `scale` is the
+    positive typical size. All bounds of data (`given`) equal their value. Solvers relax `integer` controls, and
+    :func:`~.rounding.round_controls` rounds them. `algebraic` controls are algebraic variables, which algebraic
+    equations determine.
     """
 
     name: str = declared(Text())
@@ -100,13 +85,7 @@ class Quantity(_Bounded):
     algebraic: bool = declared(Flag(), default=False, added=True)
 
     def read(self, value: Any) -> Floats:
-        """Return `value` as a value of this data, shape (size,); a number is broadcast.
-
-        Raises
-        ------
-        InvalidData
-            The value has another size, or is not finite.
-        """
+        """Return `value` as a value of this data, shape (size,); a number is broadcast, other sizes raise."""
         try:
             result = np.asarray(value)
             if result.dtype.kind not in "iuf" or np.ma.is_masked(value):
@@ -175,18 +154,10 @@ def entry_slices(items: Iterable[ItemT]) -> Iterator[tuple[ItemT, slice]]:
 
 @dataclass(frozen=True, eq=False)
 class Restriction(_Bounded):
-    """Bounds on an expression: a path or a boundary constraint.
+    """Bounds on an expression, shape (size,): a path or a boundary constraint.
 
-    Parameters
-    ----------
-    name, equation, unit : str
-        Name and equation number in the paper, and unit.
-    lower, upper : ndarray, shape (size,)
-        Bounds; equal ones make an equality constraint.
-    scale : ndarray, shape (size,)
-        Typical size of the expression, positive.
-    algebraic : bool
-        Whether the path constraint is an equation that determines algebraic variables.
+    Equal bounds make an equality constraint, and `scale` is the positive typical size. `equation` is the number
+    in the paper. An `algebraic` path constraint is an equation that determines algebraic variables.
     """
 
     name: str = declared(Text())

@@ -62,11 +62,7 @@ def most_iterations(default: int) -> Option:
 class NonlinearBackend(Backend):
     """Base of the backends that search a local optimum of a nonlinear program.
 
-    Attributes
-    ----------
-    prompt : bool
-        Whether an iteration is short even for large programs. A solver that checks for stop
-        requests only between long iterations runs in a worker process.
+    A solver that is not `prompt` checks for stop requests only between long iterations, so it runs in a worker.
     """
 
     accepts = NonlinearProgram

@@ -171,10 +171,6 @@ def _message(problem: SatelliteSlew, is_feasible: bool, flight: Flight) -> str:
     return "" if is_feasible else "the limits of rate or torque were not kept in the search"
 
 
-def _farthest(places: list[float], centre: float) -> float:
-    return max(places, key=lambda place: abs(place - centre))
-
-
 class _Search:
     """Search for the fastest rotation that satisfies the limits."""
 
@@ -234,7 +230,7 @@ class _Search:
             shares = sorted(trials)
             place = shares.index(best)
             beside = [shares[k] for k in (place - 1, place + 1) if 0 <= k < len(shares)]
-            share = 0.5 * (best + _farthest(beside, best))
+            share = 0.5 * (best + max(beside, key=lambda at, centre=best: abs(at - centre)))
             trial = self.at(share)
             if trial is None:
                 break
