@@ -13,7 +13,8 @@ from crosstrack.models import ControlPlan
 @pytest.mark.parametrize(
     ("name", "value", "formulations"),
     [
-        (CURVE, FALL, ["gauss", "radau", "hermite-simpson"]),
+        (CURVE, FALL, ["gauss", "hermite-simpson"]),
+        pytest.param(CURVE, FALL, ["radau"], marks=pytest.mark.slow),
         pytest.param(BRYSON, 4.0, ["gauss", "radau", "hermite-simpson"], marks=pytest.mark.slow),
         pytest.param(CURVE, FALL, ["paper", "trapezoid"], marks=pytest.mark.slow),
     ],

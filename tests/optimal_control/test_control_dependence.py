@@ -123,7 +123,8 @@ def test_path_equation_of_the_quaternion_is_implied_by_the_dynamics():
 
 def test_solves_the_slew_without_its_dependent_equations():
     model = slew(all_eleven=True, path=True)
-    answer = ct.solve(model, tolerance=2e-2, formulation_options={"intervals": 5, "degree": 4})
+    coarse = {"intervals": 5, "degree": 4}
+    answer = ct.solve(model, seed=0, tolerance=2e-2, formulation_options=coarse)
     assert answer.termination == "locally_optimal", answer.message
     assert answer.primal_bound == pytest.approx(8.652909, rel=2e-2)
     checks = {check.name: check for check in ct.verify(model, answer, tolerance=2e-2).checks}
