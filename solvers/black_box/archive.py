@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from ...models.black_box.fronts import hypervolume, non_dominated
 
@@ -46,32 +47,42 @@ class Archive:
         rows, first = np.unique(np.vstack([self.values, values[useful]]), axis=0, return_index=True)
         keep = non_dominated(rows)
         points, rows = points[first[keep]], rows[keep]
-        while len(rows) > self.size:
-            drop = int(self._room(rows).argmin())
-            points, rows = np.delete(points, drop, axis=0), np.delete(rows, drop, axis=0)
+        if len(rows) > self.size:
+            chosen = self._thinned(rows)
+            points, rows = points[chosen], rows[chosen]
         volume = hypervolume(rows, self.reference)
         if volume <= self.volume:
             return False
         self.x, self.values, self.volume = points, rows, volume
         return True
 
-    def _room(self, rows: Floats) -> Floats:
-        """Return the hypervolume that each row adds; for more than two objectives its distance to others.
+    def _thinned(self, rows: Floats) -> list[int]:
+        """Return `size` of the rows, which are sorted by the first objective: the one with the least room is dropped.
 
-        The rows are sorted by the first objective.
+        Room is the hypervolume that a row adds, or for more than two objectives its distance to others.
         """
+        keep = list(range(len(rows)))
         if rows.shape[1] == 2:
-            width = np.diff(np.append(rows[:, 0], self.reference[0]))
-            height = -np.diff(np.append(self.reference[1], rows[:, 1]))
-            return width * height
+            while len(keep) > self.size:
+                left = rows[keep]
+                width = np.diff(left[:, 0], append=self.reference[0])
+                height = -np.diff(left[:, 1], prepend=self.reference[1])
+                del keep[int((width * height).argmin())]
+            return keep
         extent = np.ptp(rows, axis=0)
         scaled = rows / np.where(extent > 0, extent, 1.0)
-        distances = np.linalg.norm(scaled[:, None] - scaled, axis=2)
+        distances = cdist(scaled, scaled)
         np.fill_diagonal(distances, np.inf)
-        distances.sort(axis=1)
-        result: Floats = distances[:, 0] + 1e-3 * distances[:, 1]
-        result[rows.argmin(axis=0)] = np.inf  # the best of each objective stays
-        return result
+        nearest = np.sort(distances, axis=1)[:, :2]
+        extremes = rows.argmin(axis=0)  # the best of each objective stays
+        while len(keep) > self.size:
+            room = nearest[:, 0] + 1e-3 * nearest[:, 1]
+            room[extremes] = np.inf
+            drop = keep.pop(int(room[keep].argmin()))
+            changed = np.flatnonzero(distances[:, drop] <= nearest[:, 1])
+            distances[:, drop] = np.inf
+            nearest[changed] = np.sort(distances[changed], axis=1)[:, :2]
+        return keep
 
     def compromise(self) -> Floats:
         """Return the point that alone has the largest hypervolume."""

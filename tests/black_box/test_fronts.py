@@ -1,6 +1,8 @@
 """Several objectives: ``nsga-ii`` and the archive, against closed fronts."""
 
+import itertools
 import math
+import time
 
 import numpy as np
 import pytest
@@ -98,6 +100,31 @@ def test_nothing_better_than_the_reference_is_no_plan(name):
     model = box(lambda x: [x[0], 1 - x[0]], (0, 1), objectives=2, reference=[0, 0], budget=50)
     answer, _ = search(name, model)
     assert answer.termination is Termination.NO_SOLUTION and "reference" in answer.message
+
+
+@pytest.mark.parametrize("m", [1, 2, 3, 4])
+def test_the_hypervolume_equals_inclusion_and_exclusion(m):
+    """Ties, duplicates, dominated rows and rows beyond the reference, in scales from 1e-6 to 1e6."""
+    generator = np.random.default_rng(m)
+    reference = 10.0 ** np.arange(-6, 7, 4)[:m]
+    for count in (0, 1, 9):
+        rows = np.round(generator.random((count, m)) * 6) / 5 * reference
+        inside = rows[(rows < reference).all(1)]
+        expected = sum(
+            (-1) ** (size + 1) * np.prod(reference - np.max(chosen, axis=0))
+            for size in range(1, len(inside) + 1)
+            for chosen in itertools.combinations(inside, size)
+        )
+        assert hypervolume(rows, reference) == pytest.approx(expected, rel=1e-12)
+
+
+def test_three_hundred_rows_of_four_objectives_take_milliseconds():
+    rows = np.abs(np.random.default_rng(0).normal(size=(400, 4)))
+    rows /= np.linalg.norm(rows, axis=1)[:, None]
+    archive = Archive(np.full(4, 1.1), 300)
+    begin = time.process_time()
+    assert archive.add(rows, rows, np.ones(400, bool)) and len(archive.x) == 300
+    assert time.process_time() - begin < 0.5  # 1 s by slabs of three objectives each
 
 
 def test_the_archive_keeps_the_largest_volume():
