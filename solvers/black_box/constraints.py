@@ -54,6 +54,11 @@ class Constraints:
         self.penalties = np.zeros_like(self.scales)
         self.best: tuple[float, Floats, Floats] | None = None
 
+    def limits(self) -> tuple[Floats, Floats]:
+        """Return lower and upper limits of scaled constraints, with the reserve of inequalities."""
+        inequality = np.arange(len(self.scales)) < self.last - self.first
+        return np.where(inequality, -np.inf, 0.0), np.where(inequality, -_RESERVE, 0.0)
+
     def excess(self, table: Floats) -> Floats:
         """Return g and |h| - tolerance, at most 0 if a constraint holds, shape (m, constraints)."""
         equalities = np.abs(table[:, self.last :]) - self.tolerance

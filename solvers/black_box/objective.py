@@ -158,14 +158,11 @@ class Objective:
             self._history.append((unit[: len(table)], table))
 
     def earlier(self) -> tuple[Floats, Floats]:
-        """Return the evaluated points of the unit cube and their values, none for a large number of evaluations.
-
-        With constraints, the values are those that the present search receives, not those of earlier searches.
-        """
+        """Return the evaluated points of the unit cube and their columns, none for a large number of evaluations."""
         if not self._history:
-            return np.empty((0, self.dimension)), np.empty(0)
+            return np.empty((0, self.dimension)), np.empty((0, self.problem.columns))
         unit, table = map(np.vstack, zip(*self._history, strict=True))
-        return np.clip(unit, 0.0, 1.0), self.constraints.merit(unit, table)
+        return np.clip(unit, 0.0, 1.0), table
 
     def at(self, points: Floats, unit: Floats | None = None) -> Floats:
         """Return the values at points of all variables, shape (m, d); see :meth:`__call__`."""
@@ -333,7 +330,9 @@ class Objective:
                 raise
         finally:
             self.counts[search.name] = begin - self.left
-            self.left, self._share, self._reserve = self.left + reserve, 1.0, 0
+            # Evaluations that the search has begun and not requested are used.
+            self.left = max(self.left - self._ahead, 0) + reserve
+            self._ahead, self._share, self._reserve = 0, 1.0, 0
 
     def continue_with(self, search: Any, **options: Any) -> Mapping[str, Any]:
         """Run a search from the best point, with its default options except for `options`."""

@@ -8,6 +8,7 @@ convergence, and dual annealing reheats. The two deterministic searches end wher
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
@@ -29,6 +30,8 @@ _WALL = 1e150
 _ENDLESS = 10**10
 #: Largest number of entries of a population.
 _POPULATION = 10**7
+#: Largest number of points whose constraints are kept.
+_KEPT = 100
 #: Memory limit of DIRECT's rectangles in bytes.
 _MEMORY = 2**29
 
@@ -91,6 +94,11 @@ class DifferentialEvolution(_SciPy):
             lower=0.0,
         ),
         "polish": Option(True, "Whether a converged best point is improved by L-BFGS-B.", bool),
+        "immediate": Option(
+            False,
+            "Whether a better trial replaces its target at once: no worker waits for a generation, no polish.",
+            bool,
+        ),
     }
 
     def search(self, objective: Objective) -> Mapping[str, Any]:
@@ -100,6 +108,9 @@ class DifferentialEvolution(_SciPy):
         d = objective.dimension
         limit = min(objective.granted // 20, _POPULATION // d)
         count = objective.filled(max(min(objective.options["population"] * d, limit), 5))
+        if objective.options["immediate"]:
+            while True:
+                self._evolve(objective, latin_hypercube(objective.generator, count, d))
 
         # Values of infeasible points have no useful gradient, so the population itself gives the digits.
         polish = objective.options["polish"] and objective.problem.columns == 1
@@ -129,6 +140,34 @@ class DifferentialEvolution(_SciPy):
                         raise error.__cause__ from None
                     raise
                 objective.start = None
+
+    def _evolve(self, objective: Objective, population: Floats) -> None:
+        """Evolve one population by steps of one trial, with SciPy's default rules, until it has converged."""
+        generator, (count, d) = objective.generator, population.shape
+        if objective.start is not None:
+            population[0], objective.start = objective.start, None
+        values = np.clip(objective(population), -_WALL, _WALL)
+        tolerance = objective.options["tolerance"]
+        pending: deque[tuple[int, Floats]] = deque()
+        target, evolves = 0, True
+        while evolves or pending:
+            while evolves and len(pending) < 2 * objective.parallel:
+                first, other = generator.choice(count, 2, replace=False)
+                mutant = population[values.argmin()] + generator.uniform(0.5, 1.0) * (
+                    population[first] - population[other]
+                )
+                mutant = np.where((mutant < 0) | (mutant > 1), generator.random(d), mutant)
+                share = generator.random(d)
+                share[generator.integers(d)] = 0.0
+                trial = np.where(share < 0.7, mutant, population[target])[None]
+                objective.begin(trial)
+                pending.append((target, trial))
+                target = (target + 1) % count
+            k, trial = pending.popleft()
+            value = min(float(objective(trial)[0]), _WALL)
+            if value <= values[k]:
+                population[k], values[k] = trial[0], value
+                evolves = bool(values.std() > tolerance * abs(values.mean()))
 
 
 class DualAnnealing(_SciPy):
@@ -179,7 +218,6 @@ class Cobyqa(_SciPy):
         "radius": Option(0.1, "First radius, as a share of the ranges.", lower=1e-6, upper=0.5),
         "restarts": Option(True, "Whether it starts again from random points.", bool),
     }
-    uses_size = True
     most = 200
     grows = "its models have the square of them"
 
@@ -187,30 +225,74 @@ class Cobyqa(_SciPy):
         """Search locally until the run ends, or until the first search has converged."""
         from scipy.optimize import minimize
 
+        radius = objective.options["radius"]
         limits = {"maxfev": _ENDLESS, "maxiter": _ENDLESS, "final_tr_radius": 1e-9}
         known: dict[bytes, float] = {}
         value, start = _one(objective, known), objective.start
+        rows = _Rows(objective) if objective.problem.columns > 1 else None
         objective.start = None
         if start is None:
             start = np.full(objective.dimension, 0.5)
         while True:
             # COBYQA does not leave a region without values.
-            if objective.x is None:
+            if rows is not None and not math.isfinite(rows.row(start)[0]):
+                start = objective.generator.random(objective.dimension)
+                continue
+            if rows is None and objective.x is None:
                 known[start.tobytes()] = float(objective(start[None])[0])
                 if not math.isfinite(known[start.tobytes()]):
                     start = objective.generator.random(objective.dimension)
                     continue
             with quiet():
                 result = minimize(
-                    value,
+                    value if rows is None else rows.value,
                     start,
                     method="COBYQA",
                     bounds=_cube(objective),
-                    options={**limits, "initial_tr_radius": objective.options["radius"]},
+                    constraints=() if rows is None else rows.constraint(start, radius),
+                    options={**limits, "initial_tr_radius": radius},
                 )
             if not objective.options["restarts"]:
                 return {"ended": result.message}
             start = objective.generator.random(objective.dimension)
+
+
+class _Rows:
+    """Objective and constraints at single points, evaluated once for both."""
+
+    def __init__(self, objective: Objective) -> None:
+        self.objective = objective
+        self._known: dict[bytes, Floats] = {}
+        if objective.start is not None:
+            points, table = objective.earlier()
+            same = np.flatnonzero(np.abs(points - objective.start).max(axis=1) < 1e-12)
+            if same.size:
+                self._known[objective.start.tobytes()] = np.clip(table[same[0]], -_WALL, _WALL)
+
+    def row(self, x: Floats) -> Floats:
+        """Return objective, inequalities and equalities at a point of the unit cube, infinite for no value."""
+        key = x.tobytes()
+        if key not in self._known:
+            if len(self._known) > _KEPT:
+                self._known.clear()
+            self._known[key] = self.objective.table(self.objective.point(x[None]), x[None])[0]
+        return self._known[key]
+
+    def value(self, x: Floats) -> float:
+        """Return the objective, finite."""
+        return min(max(float(self.row(x)[0]), -_WALL), _WALL)
+
+    def constraint(self, start: Floats, radius: float) -> Any:
+        """Return the constraints for SciPy, each relative to its size at `start` and at a point next to it."""
+        from scipy.optimize import NonlinearConstraint
+
+        aside = start + np.where(start < 0.5, radius, -radius)
+        size = np.maximum(np.abs(self.row(start)), np.abs(self.row(aside)))[1:]
+        size = np.where((size > 0) & np.isfinite(size), size, 1.0)
+        low, high = self.objective.constraints.limits()
+        return NonlinearConstraint(
+            lambda x: np.clip(self.row(x)[1:] / size, -_WALL, _WALL), low, high
+        )
 
 
 class _Deterministic(_SciPy):

@@ -1,10 +1,12 @@
 """Gaussian process, ``surrogate-search``, ``cobyqa`` and the variants of ``cma-es``."""
 
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from black_box.published import PUBLISHED
 from black_box.searches import LACKING, Counted, box, search
 from numpy.testing import assert_allclose
 from scipy.optimize import approx_fprime
@@ -111,6 +113,47 @@ def test_a_batch_is_one_request():
     assert len(sizes) < 30
 
 
+@pytest.mark.parametrize(
+    ("name", "options", "first"),
+    [("differential-evolution", {"immediate": True}, 8), ("surrogate-search", {}, 4)],
+)
+def test_no_worker_waits_for_the_slowest_point(name, options, first):
+    """The last point of what would be a batch lasts until five others have ended; the plan is the same."""
+    plans = []
+    for slow in (2 * first, 3 * first):
+        changed, started, ended = threading.Condition(), [0], [0]
+
+        def function(x, slow=slow, changed=changed, started=started, ended=ended):
+            with changed:
+                started[0] += 1
+                if started[0] == slow:
+                    bar = ended[0] + 5
+                    assert changed.wait_for(lambda: ended[0] >= bar, timeout=60)
+                ended[0] += 1
+                changed.notify_all()
+            return float(valley(x))
+
+        with ThreadPoolExecutor(4) as workers:
+            model = box(PythonFunction(function, workers=workers), (-2, 1), (-2, 1), budget=40)
+            answer, oracle = search(name, model, seed=1, **options)
+        assert answer.statistics["evaluations"] == 40 == len(oracle.points)
+        plans.append((answer.point, oracle.points))
+    assert plans[0] == plans[1]
+
+
+@pytest.mark.parametrize("name", ["cobyqa", "surrogate-search", "portfolio"])
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_hundred_evaluations_find_a_plan_in_a_thin_region(name, scale):
+    """The feasible region of g06 is 1e-5 of the box, and both constraints are active in the optimum."""
+    function, bounds, count, optimum = PUBLISHED["g06"]
+    model = box(
+        many(lambda x: function(x) * [1, scale, scale]), *bounds, inequalities=count, budget=100
+    )
+    answer, oracle = search(name, model, seed=3)
+    assert model.verify(answer.point).ok and len(oracle.points) <= 100
+    assert optimum - 1e-3 <= answer.primal_bound <= optimum + 50
+
+
 def test_annealing_continues_after_the_evaluations_of_the_process():
     model = box("rastrigin", *[(-4, 5)] * 2, budget=150)
     _, first = search("surrogate-search", model, evaluations=60)
@@ -201,7 +244,8 @@ def test_earlier_points_have_the_values_of_the_present_search():
     objective.constraints.begin(objective.table(objective.point(sample)))
     objective(sample)
     objective.constraints.multipliers = None
-    points, values = objective.earlier()
+    points, table = objective.earlier()
+    values = objective.constraints.merit(points, table)
     np.testing.assert_array_equal(points, np.vstack([sample, sample]))
     np.testing.assert_array_equal(values[points[:, 0] >= 0.5], points[points[:, 0] >= 0.5, 0])
     assert (values[points[:, 0] < 0.5] > 1e100).all()
