@@ -39,6 +39,12 @@ class EuclideanBound(TourBackend):
     carries = TourBackend.carries | {"no_fly"}
     curved: ClassVar[bool] = False
 
+    def bound_leg(self, problem: MessengerTour) -> float:
+        """Return a bound (m) for a single vehicle, 0 for others."""
+        from .last_leg import bound_only_leg
+
+        return (bound_only_leg(problem) or 0.0) if self.curved else 0.0
+
     def fly(self, problem: MessengerTour, request: Request) -> Answer:
         """Search over the orders; return the proven bound."""
         from .bound_search import OrderSearch
@@ -52,7 +58,7 @@ class EuclideanBound(TourBackend):
             control.bound = bound
 
         done = search.run(lambda: control.stopped, rising, request.gap)
-        best, bound = search.best, search.bound
+        best, bound = search.best, max(search.bound, self.bound_leg(problem))
         if request.cutoff is not None:
             bound = min(bound, request.cutoff)
         statistics: dict[str, Any] = {
@@ -89,9 +95,9 @@ class CurvatureBound(EuclideanBound):
     """Lower bound that includes the least turning of any tour, for free headings.
 
     See :mod:`.bound_kernels` for the proof. The bound of an order is at least the one without
-    curvature. It equals the length of the shortest tour if legs are long, or if vehicles at rest
-    are met at points that are far apart. It is weak if discs overlap, because their vehicles may be
-    met at once, and if the UAV must turn by more than half a circle.
+    curvature. It equals the length of the shortest tour if legs are long, if vehicles at rest are
+    met at points that are far apart, and for an open tour to one vehicle. It is weak if discs overlap,
+    because their vehicles may be met at once, and if the UAV must turn by more than half a circle.
     """
 
     name = "curvature-bound"

@@ -16,12 +16,22 @@ from ...models.messenger.sampling import outline, track
 from .chain import DISC, FIXED, RIM, TURNS, Scene, Stops, confine, end_time, leg, where
 from .passing import CLOSEST, GAP, PIECE, PIECES, TIME, passes, trace
 
-__all__ = ["Chain", "cut", "move_to_boundary"]
+__all__ = ["Chain", "cut", "move_to_boundary", "safe_radius"]
 
 Floats = NDArray[np.float64]
 
 #: Tolerance of an encounter on the boundary, relative to the radius.
 RIM_NEAR = 1e-9
+#: Margin of the radius against rounding, as a share.
+MARGIN = 1e-9
+
+
+def safe_radius(problem: MessengerTour, margin: float = MARGIN) -> Floats:
+    """Return the radii (m), smaller by a share against rounding; the full one if the start is in the disc."""
+    if problem.start is None:
+        return problem.radius * (1.0 - margin)
+    apart = np.hypot(*(problem.positions - problem.start[:2]).T)
+    return problem.radius * np.where(apart <= problem.radius, 1.0, 1.0 - margin)
 
 
 class Chain:
@@ -35,7 +45,7 @@ class Chain:
         self.problem, self.interior = problem, interior
         nodes, freedom = np.zeros((n + 1, 5)), np.full(n + 1, DISC if interior else RIM)
         nodes[:n, :2], nodes[:n, 2:4] = problem.positions, problem.velocities
-        nodes[:n, 4] = problem.radius
+        nodes[:n, 4] = safe_radius(problem) if interior else problem.radius
         self.scene = Scene(nodes, freedom, problem.closed, problem.speed, problem.turning_radius)
         self.stops = Stops(np.zeros(n + 1, np.int64), np.zeros(n + 1), np.zeros((n + 1, 3)))
         self.count = 1
@@ -59,8 +69,8 @@ class Chain:
         """Add a stop, with its offset moved into the disc, or onto its boundary."""
         self.stops.order[self.count] = vehicle
         self.stops.poses[vehicle] = *offset, heading
-        radius, freedom = float(self.problem.radius[vehicle]), int(self.scene.freedom[vehicle])
-        confine(self.stops.poses[vehicle], radius, freedom)
+        radius, freedom = self.scene.nodes[vehicle, 4], int(self.scene.freedom[vehicle])
+        confine(self.stops.poses[vehicle], float(radius), freedom)
         self.count += 1
 
     def plan(self) -> TourPlan:

@@ -29,9 +29,9 @@ from numpy.typing import NDArray
 from ...models.messenger.dubins import WORDS, advance, shortest
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import SIGNS, Primitive, TourPlan
-from .emission import cut
+from .emission import cut, safe_radius
 
-__all__ = ["Disc", "fly_to_rims", "shorten_last_leg", "shortest_to_disc"]
+__all__ = ["Disc", "bound_only_leg", "fly_to_rims", "shorten_last_leg", "shortest_to_disc"]
 
 Path = list[tuple[int, float]]
 Flag = NDArray[np.int8]
@@ -40,6 +40,8 @@ FULL = 2.0 * math.pi
 #: Margin inside the boundary, as a share of the radius, against rounding: of the last leg alone, and
 #: of legs that others follow.
 MARGIN, WIDE_MARGIN = 1e-10, 1e-6
+#: Relative rounding error of a bound.
+EXACT = 1e-9
 #: Least gain of a leg, relative to the tour.
 GAIN = 1e-13
 #: Tolerance of the contact, as a share of the radius and of the turning radius.
@@ -72,6 +74,21 @@ class Disc(NamedTuple):
             problem.velocities[vehicle].tolist(),
         )
         return cls(x, y, vx, vy, float(problem.radius[vehicle]) * (1.0 - margin))
+
+    def limit(self, pose: tuple[float, float, float], speed: float, r: float) -> float:
+        """Return an upper bound (m) on the shortest flight from a pose to the disc."""
+        far = math.hypot(self.x - pose[0], self.y - pose[1])
+        return (far + TURNS * r) / (1.0 - math.hypot(self.vx, self.vy) / speed)
+
+
+def bound_only_leg(problem: MessengerTour) -> float | None:
+    """Return a lower bound (m), exact up to rounding, on an open tour to one vehicle; None for other tours."""
+    r, start = problem.turning_radius, problem.start
+    if problem.size > 1 or problem.closed or start is None or problem.heading is None or r == 0.0:
+        return None
+    disc, pose = Disc.at(problem, 0, 0.0, 0.0), (float(start[0]), float(start[1]), problem.heading)
+    path = shortest_to_disc(pose, disc, problem.speed, r, disc.limit(pose, problem.speed, r))
+    return None if path is None else (1.0 - EXACT) * sum(part for _, part in path)
 
 
 def shorten_last_leg(
@@ -115,7 +132,7 @@ def fly_to_rims(
     assert problem.start is not None
     if problem.home_velocity is not None:
         return None
-    speed, r, reach = problem.speed, problem.turning_radius, problem.radius * (1.0 - WIDE_MARGIN)
+    speed, r, reach = problem.speed, problem.turning_radius, safe_radius(problem, WIDE_MARGIN)
     start = pose = (float(problem.start[0]), float(problem.start[1]), float(problem.start[2]))
     flown, missed = 0.0, np.ones(problem.size, bool)
     path: list[tuple[int, float, float | None]] = []
@@ -124,9 +141,7 @@ def fly_to_rims(
         if target in stops:
             continue
         disc = Disc.at(problem, target, flown / speed, WIDE_MARGIN)
-        far = math.hypot(disc.x - pose[0], disc.y - pose[1])
-        most = (far + TURNS * r) / (1.0 - math.hypot(disc.vx, disc.vy) / speed)
-        leg = shortest_to_disc(pose, disc, speed, r, most, flag)
+        leg = shortest_to_disc(pose, disc, speed, r, disc.limit(pose, speed, r), flag)
         if leg is None:
             return None
         for sign, part in leg:
@@ -243,9 +258,8 @@ def _arcs(q: complex, w: complex, reach: float, most: float, flag: Flag | None) 
 def _nearest(q: complex, length: float) -> tuple[float, int, float]:
     """Return the distance from `q` to the ends of two-arc paths of a length, and the nearest path.
 
-    Relative to the centre of the first circle, the ends are -2 z + k z² up to a factor i, with
-    z = exp(i arc) and k = exp(-i length). The distance is stationary at roots of a quartic
-    polynomial.
+    Relative to the centre of the first circle, the ends are -2 z + k z² up to a factor i, with z = exp(i arc) and
+    k = exp(-i length). The distance is stationary at roots of a quartic polynomial.
     """
     best = (math.inf, 0, 0.0)
     k = cmath.exp(-1j * length)

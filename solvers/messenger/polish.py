@@ -15,6 +15,7 @@ from ...models.messenger.motion import tour
 from ...models.messenger.plan import SIGNS, TourPlan
 from ...models.verification import ROUNDING
 from ..contract.backend import Request
+from .emission import safe_radius
 from .newton import improve
 from .stages import Legs
 
@@ -141,7 +142,7 @@ class _Field:
         legs = n + problem.closed
         self.problem, self.plan = problem, plan
         self.unit = max(plan.length / legs, problem.extent / n, float(problem.radius.max())) or 1.0
-        self.radius = problem.radius[met] / self.unit
+        self.radius = safe_radius(problem)[met] / self.unit
         self.place = np.ascontiguousarray((problem.positions[met] - start) / self.unit)
         self.drift = np.vstack([problem.drifts[met], problem.home_drift])[:legs] / problem.speed
         where, facing = float(problem.start is None), float(problem.heading is None)

@@ -15,15 +15,9 @@ from ...jit import clock
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.motion import tour
 from ...models.messenger.plan import TourPlan
-from ..contract.backend import (
-    Answer,
-    Feature,
-    Guarantee,
-    Option,
-    Request,
-    Termination,
-)
+from ..contract.backend import Answer, Feature, Guarantee, Option, Request, Termination
 from .decoding import Task, trace
+from .emission import safe_radius
 from .extensions import TourBackend
 
 __all__ = ["Flight", "RandomRival", "Rival"]
@@ -31,8 +25,6 @@ __all__ = ["Flight", "RandomRival", "Rival"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Margin of the radius against rounding, as a share.
-MARGIN = 1e-9
 #: Least relative improvement of a new incumbent.
 GAIN = 1e-12
 
@@ -54,8 +46,8 @@ class Flight:
     def __post_init__(self) -> None:
         problem = self.problem
         assert problem.start is not None
-        radius = problem.radius * (1.0 - MARGIN)
-        fleet = np.column_stack([problem.positions, problem.velocities, radius]).astype(float)
+        reach = safe_radius(problem)
+        fleet = np.column_stack([problem.positions, problem.velocities, reach]).astype(float)
         poses = np.zeros((problem.size + 1, 4))
         poses[0, :3] = problem.start
         flag = self.request.control.flag

@@ -10,41 +10,27 @@ from typing import ClassVar
 import numpy as np
 
 from ...jit import clock
-from ...models.messenger.checks import UNDECIDABLE, decidable_length, integrated
+from ...models.messenger.checks import UNDECIDABLE, decidable_length
 from ...models.messenger.model import MessengerTour
-from ...models.messenger.motion import met_after
 from ...models.messenger.plan import TourPlan
-from ..contract.backend import (
-    Answer,
-    Feature,
-    Guarantee,
-    Limit,
-    Option,
-    Request,
-    Termination,
-)
+from ..contract.backend import Answer, Feature, Guarantee, Limit, Option, Request, Termination
 from .annealing import anneal
 from .chain import fly
 from .emission import Chain, move_to_boundary
 from .extensions import TourBackend
-from .last_leg import fly_to_rims, shorten_last_leg
-from .ordering import anneal_order
+from .last_leg import bound_only_leg, fly_to_rims, shorten_last_leg
+from .starts import LEAST, Starts
 
 __all__ = ["TourSearch", "nearest_tour"]
 
 #: Temperatures relative to the length of the tour: at a start, at a reheating, and at the end of both.
 HOT, WARM, COLD = 0.3, 0.02, 1e-3
-#: Steps of one annealing per vehicle, and the least number.
-STEPS, LEAST = 20, 300
+#: Steps of one annealing per vehicle; the least number is that of :mod:`.starts`.
+STEPS = 20
 #: Least number of vehicles for annealing orders instead of starting from scratch.
 MANY = 50
-#: Steps per vehicle of the annealing of an order, without a limit and at most, and its temperatures.
-ORDER_STEPS, ORDER_MOST, ORDER_HOT, ORDER_COLD = 500, 4000, 0.1, 1e-3
-#: Shares of the time left, and most steps per vehicle, of one annealing of an order and of a tour.
-ORDER_SHARE, TOUR_SHARE, TOUR_MOST = 0.25, 0.3, 150
-#: Changes of a heading (rad). The first one that requires no circle is used: at the heading of the
-#: shortest path itself, rounding decides.
-AWAY = (1e-4, -1e-4, 0.03, -0.03, 0.1, -0.1, 0.3, -0.3, 1.0, -1.0)
+#: Share of the time left, and most steps per vehicle, of one annealing of a tour.
+TOUR_SHARE, TOUR_MOST = 0.3, 150
 #: Number of tours in the pool, which are annealed again.
 POOL = 4
 #: Share of the time for the bound, and again for orders; without a limit, number of programs solved.
@@ -53,6 +39,11 @@ BOUND_SHARE, BOUND_PROGRAMS = 0.2, 3000
 MANY_SHARE = 0.05
 #: Programs solved for tours without curvature if the search for the bound completed no order.
 SKETCH_PROGRAMS = 300
+#: Largest number of vehicles of the bound over poses. Its number of edges, and the factor on it if the
+#: requested gap is at least the given one.
+FEW, EDGES, MORE_EDGES, WIDE_GAP = 3, 1_000_000, 20, 1e-5
+#: Largest relative violation of a tour that is repaired.
+NEAR_MISS = 1e-3
 #: Least relative gain of a shorter tour that resets the patience.
 BETTER = 1e-6
 #: Ratio to the best length up to which a tour is polished.
@@ -92,16 +83,13 @@ class TourSearch(TourBackend):
 
     def fly(self, problem: MessengerTour, request: Request) -> Answer:
         """Search until a limit is reached, the gap is closed, or the patience is exhausted."""
-        return _Search(self, problem, request).answer()
+        return _Search(problem, request).answer()
 
 
 @dataclass
-class _Search:
+class _Search(Starts):
     """One run."""
 
-    backend: TourSearch
-    problem: MessengerTour
-    request: Request
     pool: list[tuple[float, int, Chain]] = field(default_factory=list)
     best: TourPlan | None = None
     bound: float | None = None
@@ -110,9 +98,6 @@ class _Search:
     polishes: int = 0
     undecidable: float = math.inf
     pace: float = 0.0
-
-    def __post_init__(self) -> None:
-        self.draw = np.random.default_rng(self.request.seed or 0)
 
     def answer(self) -> Answer:
         """Search, and return the best tour with its bound."""
@@ -142,6 +127,8 @@ class _Search:
             if self.many:
                 steps = self.affordable(TOUR_SHARE, self.pace, LEAST, steps, TOUR_MOST)
             self.anneal(steps, self.pool[k][2].copy() if again else None)
+        if options["bound"]:
+            self.prove_few()
         limit = self.request.control.reason if self.request.control.stopped else None
         if limit is None and request.left() == 0.0:
             limit = Limit.TIME
@@ -202,6 +189,10 @@ class _Search:
         from .bound_search import OrderSearch, best_orders
 
         control, left = self.request.control, self.request.left()
+        if (leg := bound_only_leg(self.problem)) is not None:
+            self.bound = leg
+            control.prove(leg)
+            return []
         begin = clock()
         share = MANY_SHARE if self.many else BOUND_SHARE
         end = math.inf if left is None else begin + share * left
@@ -232,76 +223,26 @@ class _Search:
             orders = [order for order, _ in sketches]
         return orders[:POOL]
 
+    def prove_few(self) -> None:
+        """Raise the bound of a tour over few vehicles, also for short legs."""
+        from .pose_bound import covers, prove_poses
+
+        problem, gap = self.problem, self.request.gap
+        if problem.size > FEW or self.best is None or self.within_gap or not covers(problem):
+            return
+        edges = EDGES * (MORE_EDGES if gap >= WIDE_GAP else 1)
+        bound = prove_poses(
+            problem, self.best.length, gap, edges,
+            lambda: self.request.control.stopped or self.request.left() == 0.0,
+        )  # fmt: skip
+        self.bound = max(bound, self.bound or 0.0)
+        self.request.control.prove(self.bound)
+
     def fly_nearest(self) -> None:
         """Offer the tour of :meth:`nearest`, which takes milliseconds without compiled loops."""
         chain = self.nearest()
         if fly(chain.stops, chain.count, 1, chain.scene, math.inf) < math.inf:
             self.offer(chain.plan())
-
-    def nearest(self) -> Chain:
-        """Return the chain that meets next the vehicle with the shortest straight flight."""
-        problem, chain = self.problem, self.chain()
-        left = np.arange(problem.size, dtype=np.int64)
-        if problem.start is None:  # a chain begins at vehicle 0
-            place, left = problem.positions[0], left[1:]
-        else:
-            place = problem.start[:2]
-        time = 0.0
-        while left.size:
-            wait = met_after(problem, place, time, left)
-            k = int(np.argmin(wait))
-            vehicle, time = int(left[k]), time + float(wait[k])
-            target = problem.where(vehicle, time)
-            heading = float(np.arctan2(*(target - place)[::-1]))
-            inside = -problem.radius[vehicle] * np.array([np.cos(heading), np.sin(heading)])
-            chain.append(vehicle, inside, heading)
-            place, left = target, np.delete(left, k)
-        return chain
-
-    def affordable(self, share: float, pace: float, least: int, steps: int, most: int) -> int:
-        """Return the steps that take a share of the time left, or `steps` without a limit.
-
-        A step takes `pace` seconds, and `most` is the limit per vehicle.
-        """
-        left = self.request.left()
-        if left is None or pace <= 0.0 or self.request.options["steps"]:
-            return steps
-        return int(min(max(share * left / pace, least), most * self.problem.size))
-
-    def lay(self, chain: Chain) -> Chain:
-        """Anneal the order of `chain`, which stops at every vehicle, and return the chain of its path."""
-        order, scene, flag = (
-            chain.stops.order[: chain.count].copy(),
-            chain.scene,
-            self.request.control.flag,
-        )
-        path, n = np.zeros((len(order), 4)), self.problem.size
-        path[0, :3] = *chain.scene.nodes[order[0], :2], chain.stops.poses[order[0], 2]
-        path[0, :2] += chain.stops.poses[order[0], :2]
-        steps = first = ORDER_STEPS * n
-        if self.request.time_limit is not None:
-            first, begin = LEAST, clock()
-            anneal_order(order, scene, path, first, ORDER_HOT, ORDER_COLD, self.draw, flag)
-            pace = (clock() - begin) / first
-            steps = self.affordable(ORDER_SHARE, pace, first, steps, ORDER_MOST)
-        anneal_order(order, scene, path, steps, ORDER_HOT, ORDER_COLD, self.draw, flag)
-        stops, chain.count = chain.stops, 1
-        for k in range(1, len(order)):
-            flown, vehicle = path[k, 3] - path[k - 1, 3], int(order[k])
-            if flown == 0.0:  # met on the way
-                continue
-            at = chain.count
-            chain.append(vehicle, path[k, :2] - self.problem.where(vehicle, path[k, 3]), 0.0)
-            best, limit = (math.inf, 0.0), stops.times[at - 1] + 1.01 * flown
-            for away in AWAY:
-                stops.poses[vehicle, 2] = path[k, 2] + away
-                fly(stops, chain.count, at, scene, math.inf)
-                best = min(best, (float(stops.times[at]), away))
-                if best[0] <= limit:
-                    break
-            stops.poses[vehicle, 2] = path[k, 2] + best[1]
-            fly(stops, chain.count, at, scene, math.inf)
-        return chain
 
     def fly_rims(self, chain: Chain) -> Chain:
         """Offer the flight from rim to rim in the order of `chain`, and return it as a chain."""
@@ -314,32 +255,7 @@ class _Search:
             return chain
         if self.request.options["interior"]:
             self.offer(plan)
-        legs = [primitive.leg for primitive in plan.primitives]
-        ends = np.searchsorted(legs, np.arange(problem.size), "right")
-        headings = integrated(plan, problem.turning_radius)[ends, 2].tolist()
-        chain.count = 1
-        for k, vehicle in enumerate(plan.order):
-            offset = plan.points[k] - problem.where(vehicle, float(plan.times[k]))
-            chain.append(vehicle, offset, headings[k])
-        return chain
-
-    def guided(self, order: tuple[int, ...]) -> Chain:
-        """Return the chain of an order with the poses that its bound suggests."""
-        from .bound_search import guide
-
-        chain = self.chain()
-        if self.problem.start is None:
-            # Any vehicle may be the first; a chain begins at vehicle 0.
-            at = order.index(0)
-            order, chain.count = order[at:] + order[:at], 0
-        near = guide(self.problem, order)
-        for vehicle, offset, heading in zip(order, near.offsets, near.headings, strict=True):
-            chain.append(vehicle, offset, heading)
-        return chain
-
-    def chain(self) -> Chain:
-        """Return a chain without stops."""
-        return Chain(self.problem, interior=self.request.options["interior"])
+        return self.chain_of(plan)
 
     def anneal(self, steps: int, chain: Chain | None = None) -> None:
         """Anneal `chain`, or a tour from scratch, and keep good results."""
@@ -381,6 +297,10 @@ class _Search:
         if self.best is not None and plan.length >= self.best.length:
             return
         verification = self.problem.verify(plan, tolerance=self.request.tolerance)
+        if not verification.ok and (near := self.repaired(plan)) is not None:
+            plan, verification = near, self.problem.verify(near, tolerance=self.request.tolerance)
+            if self.best is not None and plan.length >= self.best.length:
+                return
         if verification.ok:
             if self.best is None or plan.length < self.best.length * (1.0 - BETTER):
                 self.idle = 0
@@ -389,12 +309,21 @@ class _Search:
         elif any(UNDECIDABLE in check.where for check in verification.checks):
             self.undecidable = min(self.undecidable, plan.length)
 
+    def repaired(self, plan: TourPlan) -> TourPlan | None:
+        """Return the flight over the encounters of a plan that misses a disc slightly, or None."""
+        if self.problem.start is None or not self.problem.verify(plan, tolerance=NEAR_MISS).ok:
+            return None
+        chain = self.chain_of(plan)
+        if not fly(chain.stops, chain.count, 1, chain.scene, math.inf) < math.inf:
+            return None
+        return chain.plan()
+
 
 def nearest_tour(problem: MessengerTour, request: Request) -> TourPlan | None:
     """Return the tour of :meth:`_Search.fly_nearest`, also after the time of `request` is over."""
     backend = TourSearch()
     with request.control.stage(None) as control:
         options = backend.checked_options({})
-        search = _Search(backend, problem, replace(request, control=control, options=options))
+        search = _Search(problem, replace(request, control=control, options=options))
         search.fly_nearest()
     return search.best
