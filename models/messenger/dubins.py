@@ -78,8 +78,7 @@ def _same(
 ) -> Length3:
     """Return the lengths of LSL to (`u`, `v`) with heading `phi`, from the origin with heading 0.
 
-    Here and below, `sin` is the sine of `phi`, and `lift` is 1 minus its cosine, computed without
-    cancellation. The lengths are inf if an early bound shows that the path is at least `most` long.
+    `sin` is that of `phi`, `lift` 1 minus its cosine. The lengths are inf if the path is at least `most` long.
     """
     x, y = u - r * sin, v - r * lift
     b = norm(x, y)
@@ -117,11 +116,7 @@ def _cross(
 def _arcs(
     u: float, v: float, phi: float, sin: float, lift: float, r: float, slack: float, most: float
 ) -> Length3:
-    """Return the lengths of LRL to (`u`, `v`) with heading `phi`; inf if LRL does not exist.
-
-    Uses the middle arc of more than half a circle. The shorter middle arc is never part of a
-    shortest path.
-    """
+    """Return the lengths of LRL, with the middle arc above half a circle; inf if LRL does not exist."""
     x, y = u - r * sin, v - r * lift
     d = norm(x, y)
     if r == 0.0 or d > 4.0 * r + slack or math.pi * r >= most:
@@ -233,9 +228,8 @@ def left_straight(u: float, v: float, b: float, r: float, slack: float) -> float
 def right_left(u: float, v: float, r: float, major: bool) -> tuple[float, float]:
     """Return the angles of RL to (`u`, `v`), `v` >= 0, at most 3 r from the right circle's centre.
 
-    `major` selects the second turn of more than half a circle. Without it the point must be ahead
-    and outside the left circle. Uses the triangle of both centres and the point, with sides 2 r and
-    r.
+    `major` selects a second turn above half a circle. Otherwise the point is ahead and outside the left circle.
+    The triangle of both centres and the point has sides 2 r and r.
     """
     power = u * u + v * v + 2.0 * r * v  # the third side² minus r²
     area = math.sqrt(max((8.0 * r * r - power) * power, 0.0))
@@ -283,25 +277,10 @@ def relaxed_length(x0: float, y0: float, h0: float, x1: float, y1: float, r: flo
 
 @kernel(interpretable=True)
 def advance(x: float, y: float, h: float, s: float, sign: int, r: float) -> Length3:
-    """Return the configuration after a primitive.
+    """Return coordinates (m) and heading (rad, not wrapped) after a primitive of length `s` (m).
 
-    With radius 0, a turn keeps position and heading: its length does not determine its angle.
-
-    Parameters
-    ----------
-    x, y, h : float
-        Start: coordinates (m) and heading (rad).
-    s : float
-        Length of the primitive (m).
-    sign : int
-        Sign of the curvature: 1 (left), 0 (straight) or -1 (right).
-    r : float
-        Turning radius (m), at least 0.
-
-    Returns
-    -------
-    tuple of 3 float
-        Coordinates (m) and heading (rad, not wrapped).
+    `sign` is the sign of its curvature. With a turning radius `r` (m) of 0, a turn keeps position and heading:
+    its length does not determine its angle.
     """
     if sign == 0:
         return x + s * math.cos(h), y + s * math.sin(h), h

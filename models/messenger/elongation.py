@@ -87,10 +87,7 @@ def member(family: int, x: float, u: float, v: float, r: float) -> Piece:
 def search(
     family: int, low: float, high: float, u: float, v: float, r: float, d: float
 ) -> tuple[float, float, float]:
-    """Return the member of a family between `low` and `high` with length `d`: x, turn and line.
-
-    Newton's method, with bisection if a step leaves the interval or shortens it too little.
-    """
+    """Return the member of a family with length `d`, by Newton's method with bisection: x, turn and line."""
     exact = 1e-15 * (d + r)
     x = low
     width = high - low
@@ -156,29 +153,12 @@ def reachable(u: float, v: float, r: float, d: float, slack: float) -> bool:
 def elongated(
     x0: float, y0: float, h0: float, x1: float, y1: float, r: float, d: float
 ) -> tuple[float, float, float, int, int, int, bool]:
-    """Return a path of length `d` to a point with free final heading.
+    """Return a path of length `d` (m) to a point with free final heading.
 
-    Parameters
-    ----------
-    x0, y0, h0 : float
-        Start: coordinates (m) and heading (rad).
-    x1, y1 : float
-        Target (m).
-    r : float
-        Turning radius (m), at least 0. With 0 the path is a straight line along the heading,
-        followed by a straight line to the target.
-    d : float
-        Length (m).
-
-    Returns
-    -------
-    a, b, c : float
-        Lengths (m) of the three primitives.
-    s1, s2, s3 : int
-        Signs of their curvatures.
-    ok : bool
-        True if the path exists; otherwise `a`, `b` and `c` are 0. Lengths that miss an attainable
-        length by rounding alone are accepted.
+    The path begins at (x0, y0, h0) and ends at (x1, y1), in m and rad. With a turning radius `r` (m) of 0 it is a
+    straight line along the heading, followed by one to the target. The result is the lengths (m) of three
+    primitives, the signs of their curvatures, and whether the path exists; otherwise the lengths are 0.
+    Lengths that miss an attainable length by rounding alone are accepted.
     """
     u, v, slack = local(x0, y0, h0, x1, y1, r)
     side = L if v >= 0.0 else R

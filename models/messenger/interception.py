@@ -29,16 +29,7 @@ import math
 from typing import NamedTuple
 
 from ...jit import kernel
-from .dubins import (
-    FULL,
-    local,
-    norm,
-    outside,
-    relaxed_local,
-    right_left,
-    sine_and_lift,
-    word_local,
-)
+from .dubins import FULL, local, norm, outside, relaxed_local, right_left, sine_and_lift, word_local
 from .elongation import has_gap, left_straight_whole, reachable
 
 __all__ = ["intercept", "intercept_heading"]
@@ -110,10 +101,9 @@ def excess(kind: int, t: float, c: Chase) -> float:
 
 @kernel
 def root(kind: int, low: float, below: float, high: float, above: float, c: Chase) -> float:
-    """Return a time in [`low`, `high`] at which the excess changes its sign.
+    """Return a time in [`low`, `high`] at which the excess, `below` and `above` there, changes its sign.
 
-    The excess is `below` at `low` and `above` at `high`. Uses the Illinois method, a secant method
-    that halves the value at a bound which is retained.
+    The Illinois method is a secant method that halves the value at a bound which is retained.
     """
     last = 0
     for _ in range(STEPS):
@@ -136,10 +126,7 @@ def root(kind: int, low: float, below: float, high: float, above: float, c: Chas
 
 @kernel
 def rising(kind: int, low: float, high: float, c: Chase) -> float:
-    """Return the root of an excess whose slope is at least the difference of the speeds, or inf.
-
-    The root is `low` if the point is within reach of LS from the beginning.
-    """
+    """Return the root of an excess that rises with the difference of the speeds; `low` within reach of LS."""
     below = excess(kind, low, c)
     if not below < 0.0:
         return low if below == 0.0 or kind < 0 else math.inf
@@ -170,9 +157,8 @@ def stepping(
 ) -> float:
     """Return the first time in [`low`, `high`] with a non-negative excess, or inf.
 
-    Between these times the point, (`x`, `y`) from the centre of a circle at time 0, is within its
-    radius `circle`. `rate` (m) is an upper bound on the change of the path length with σ. The excess
-    of a word is compared modulo full circles during the steps, and exactly at the root.
+    Until then the point, (`x`, `y`) from the centre at time 0, is within the radius `circle`, and the length changes
+    by at most `rate` (m) with σ. Words are compared modulo full circles in the steps, and exactly at the root.
     """
     middle, half = pass_circle(x, y, circle, c)
     t = low
@@ -245,29 +231,14 @@ def intercept(
     x0: float, y0: float, h0: float, t0: float, px: float, py: float, vx: float, vy: float,
     speed: float, r: float,
 ) -> float:  # fmt: skip
-    """Return the earliest time at which the UAV can meet a moving point with any heading.
+    """Return the earliest time (s) at which the UAV can meet a moving point with any heading.
 
     A path of length ``speed * (t - t0)`` to the point at time ``t`` exists, and none exists
     earlier. Exception: the length flown exceeds the edge of a gap by less than 1e-7 r for a short
-    time.
+    time. The result is at least `t0`, and inf if the point is at least as fast as the UAV.
 
-    Parameters
-    ----------
-    x0, y0, h0, t0 : float
-        Start of the UAV: coordinates (m), heading (rad) and time (s).
-    px, py : float
-        Position of the point at time 0 (m).
-    vx, vy : float
-        Velocity of the point (m/s).
-    speed : float
-        Speed of the UAV (m/s).
-    r : float
-        Turning radius (m), at least 0.
-
-    Returns
-    -------
-    float
-        Time (s), at least `t0`; inf if the point is at least as fast as the UAV.
+    The UAV starts at (x0, y0, h0), in m and rad, at time `t0` (s), with `speed` (m/s) and turning radius `r` (m). The
+    point is at (px, py) at time 0 and has the velocity (vx, vy), in m/s.
     """
     u, v, slack = local(x0, y0, h0, px + vx * t0, py + vy * t0, r)
     du, dv, _ = local(0.0, 0.0, h0, vx, vy, 0.0)
@@ -350,24 +321,12 @@ def intercept_heading(
     x0: float, y0: float, h0: float, t0: float, px: float, py: float, vx: float, vy: float,
     h1: float, speed: float, r: float,
 ) -> tuple[float, int]:  # fmt: skip
-    """Return the earliest time at which the UAV can meet a moving point with a given heading.
+    """Return the earliest time (s) at which the UAV can meet a moving point with a given heading, and the word.
 
-    The time is the earliest at which one of the six words is as long as the length flown. The
-    search may miss roots within 1e-9 of the time from a jump of a word's length, and a C C C word
-    that is feasible for less than 0.3 r of the length flown.
-
-    Parameters
-    ----------
-    x0, y0, h0, t0, px, py, vx, vy, speed, r : float
-        See :func:`intercept`.
-    h1 : float
-        Final heading (rad).
-
-    Returns
-    -------
-    float, int
-        Time (s) and row of ``dubins.WORDS``. The time is inf if the search finds none, or if the
-        point is at least as fast as the UAV.
+    The arguments are those of :func:`intercept`, and the final heading `h1` (rad). The time is the earliest at
+    which one of the six words, a row of ``dubins.WORDS``, is as long as the length flown; inf if the search finds
+    none. It may miss roots within 1e-9 of the time from a jump of a word's length, and a C C C word that is
+    feasible for less than 0.3 r of the length flown.
     """
     u, v, slack = local(x0, y0, h0, px + vx * t0, py + vy * t0, r)
     du, dv, _ = local(0.0, 0.0, h0, vx, vy, 0.0)

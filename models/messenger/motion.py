@@ -301,11 +301,7 @@ def _delay(
     speed: float, pose: Floats, goal: Floats, heading: float, rate: Floats, r: float,
     word: str | None, after: float,
 ) -> float:  # fmt: skip
-    """Return the delay (s) of an encounter relative to a straight flight of `after` seconds.
-
-    The leg of `word` begins at `pose`. The straight flight ends at `goal`, where the vehicle has the
-    velocity `rate`, and the leg arrives with `heading`.
-    """
+    """Return the delay (s) of a leg from `pose`, compared with a straight flight of `after` s to `goal`."""
     from scipy.optimize import brentq
 
     def early(late: float) -> float:

@@ -355,10 +355,7 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         return self._tour(self._correct(point), LEAST)
 
     def _tour(self, point: Floats, least: float) -> TourPlan:
-        """Return the tour with the lengths of `point`.
-
-        Without turns, a leg is bent if it exceeds its line by `least` times the typical length.
-        """
+        """Return the tour of `point`; without turns, a leg longer than its line by the share `least` is bent."""
         part, order = self.layout.split(point), self.guess.order
         start = np.append(self._origin + part["start"][:2], part["start"][2])
         lengths = np.maximum(part["length"], 0.0)

@@ -140,8 +140,7 @@ def _turned(bend: float, angle: float) -> float:
 def _crossings(piece: Piece, a: complex, b: complex) -> list[float]:
     """Return the lengths at which a primitive crosses the line through the edge from `a` to `b`.
 
-    Additional cuts are harmless: crossings beyond the edge, and the points of an arc that are nearest to a
-    line that it misses. Without them, rounding could lose a crossing at a corner or a contact.
+    Cuts beyond the edge, and next to a line that an arc misses, are harmless and guard against rounding.
     """
     place, heading, bend, length = piece
     if a == b:

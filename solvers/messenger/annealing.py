@@ -79,10 +79,9 @@ def _turn_start(stops: Stops, count: int, scene: Scene, steps: int, draw: Genera
 
 @kernel
 def _amplify(stops: Stops, count: int, scene: Scene, growth: Floats) -> None:
-    """Fill `growth` with the derivative of the end of a tour with respect to the time of each stop.
+    """Fill `growth` with the derivative of the end with respect to the time of each stop.
 
-    The derivative of a leg in direction u from stop a to stop b is (v - u.V_a) / (v - u.V_b), with
-    poses fixed to the vehicles.
+    For a leg in direction u from stop a to stop b it is (v - u.V_a) / (v - u.V_b), with poses fixed to the vehicles.
     """
     order, times, poses, nodes, speed = (
         stops.order, stops.times, stops.poses, scene.nodes, scene.speed
@@ -184,10 +183,7 @@ def recreate(
     stops: Stops, count: int, scene: Scene, value: float, ceiling: float, pieces: Floats,
     draw: Generator, flag: NDArray[np.int8],
 ) -> tuple[int, float]:  # fmt: skip
-    """Insert stops until the tour meets every vehicle; return the number of stops and the end time (s).
-
-    The end is inf if it exceeds `ceiling`, or if `flag` is set.
-    """
+    """Insert stops until no vehicle is missed; return their number and the end (s), inf above `ceiling`."""
     near = np.empty((CLOSEST, GAP + 1))
     # Insert either the vehicle with the largest gap, or a random one.
     farthest = draw.random() < 0.5
@@ -229,10 +225,7 @@ def _ruin(order: Ints, count: int, draw: Generator) -> tuple[int, int]:
 
 @kernel
 def _move(stops: Stops, new: Stops, count: int, scene: Scene, draw: Generator) -> tuple[int, int]:
-    """Apply a random move to `new`, a copy of `stops`; return its number of stops and first change.
-
-    The moves are another pose of a stop, a reversal, an exchange of two stops and a removal.
-    """
+    """Change a pose, reverse, exchange two or remove stops in `new`; return its stops and first change."""
     order = stops.order
     u = draw.random()
     if u < 0.25 and count > 1:

@@ -129,8 +129,7 @@ class Chains:
     def _shape(self, legs: int) -> tuple[Any, Indices, Floats]:
         """Return the matrix of a path with `legs` legs, and the source and sign of each entry.
 
-        Columns are s of all stops but the first, then the offsets of all stops. Rows are those of
-        the legs, then those of the discs. Values are 1, the velocities, and the radii twice.
+        Columns: s of all stops but the first, then all offsets. Rows: legs, then discs. Sources: 1, velocities, radii.
         """
         if legs in self._shapes:
             shape: tuple[Any, Indices, Floats] = self._shapes[legs]
@@ -161,11 +160,7 @@ class Chains:
 
 
 def _gaps(field: Field) -> Floats:
-    """Return the least length of a flight between any two stops, shape (n + 1, n + 1).
-
-    During a flight of length L after the first encounter, at whatever time, the second stop moves
-    by at most |W| L.
-    """
+    """Return the least lengths of flights between any two stops, which drive by |W| L at most: (n + 1, n + 1)."""
     apart = field.centres[None] - field.centres[:, None]
     drift = field.velocities[None] - field.velocities[:, None]
     speed = (drift**2).sum(axis=2)

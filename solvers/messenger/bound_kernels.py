@@ -26,15 +26,7 @@ from numpy.typing import NDArray
 from ...jit import kernel
 from .turn_kernels import between, corner, turn_loss
 
-__all__ = [
-    "Data",
-    "ascend",
-    "insertions",
-    "omissions",
-    "prove_length",
-    "splice",
-    "tabulate",
-]
+__all__ = ["Data", "ascend", "insertions", "omissions", "prove_length", "splice", "tabulate"]
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -245,8 +245,7 @@ def _find_misses(field: Field, path: Path) -> tuple[Floats, Floats]:
 def fly_path(field: Field, order: tuple[int, ...], path: Path, at: list[float]) -> Ordered:
     """Return the tour through a path's points, relative to the vehicles, at full speed.
 
-    `path` meets the vehicles up to the solver's tolerance. `at` is the leg of the path plus the share
-    of it at the encounter with each vehicle of `order`.
+    `at` is the leg of the path plus the share of it at the encounter with each vehicle of `order`.
     """
     legs = len(path.times) - 1
     place = np.zeros(2) if not field.free else np.empty(0)

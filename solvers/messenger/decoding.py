@@ -249,10 +249,7 @@ def follow(order: Ints, genes: Floats, task: Task, first: int, ceiling: float) -
 def _fly(
     pose: Floats, after: Floats, leg: Floats, qx: float, qy: float, d: float, r: float, noise: float
 ) -> float:
-    """Fill in a leg and its end pose with a path of length `d` to a point; return its length (m).
-
-    The length differs from `d` by at most `noise`; it is inf if no path exists.
-    """
+    """Fill in a leg of length `d` up to `noise` and its end pose; return its length (m), inf without a path."""
     x, y, h = pose[0], pose[1], pose[2]
     a, b, code = relaxed(x, y, h, qx, qy, r)
     c, s1, s2, s3 = 0.0, int(_FIRST[code]), int(_SECOND[code]), 0

@@ -24,10 +24,9 @@ Ints = NDArray[np.int64]
 
 @kernel
 def next_vehicle(order: Ints, k: int, x: float, y: float, fleet: Floats, horizon: int) -> int:
-    """Return the index in `order`, at least `k`, of the first vehicle of the best horizon.
+    """Return the index in `order`, from `k` on, of the first vehicle of the shortest polyline from (x, y).
 
-    The best horizon is the shortest polyline from (x, y) over the centres at time 0 of `horizon` (1
-    or 2) of the vehicles from index `k` on.
+    The polyline leads over the centres at time 0 of `horizon` (1 or 2) vehicles.
     """
     n = len(order)
     shortest, best = math.inf, k
@@ -44,10 +43,7 @@ def next_vehicle(order: Ints, k: int, x: float, y: float, fleet: Floats, horizon
 
 @kernel
 def build_greedily(order: Ints, genes: Floats, task: Task, horizon: int, samples: int) -> None:
-    """Fill in an order and its genes; `order` contains every vehicle, in any order.
-
-    The UAV flies to the sample of each boundary with the shortest time, of `samples`.
-    """
+    """Fill in an order, and genes by the fastest of `samples` points of each boundary."""
     x, y = task.poses[0, 0], task.poses[0, 1]
     for k in range(len(order)):
         at = next_vehicle(order, k, x, y, task.fleet, horizon)
@@ -75,7 +71,7 @@ class GreedyCentre(Rival):
     name = "greedy-centre"
     deterministic = True
     options: ClassVar[Mapping[str, Option]] = {
-        "horizon": Option(2, "Vehicles of the receding horizon.", int, choices=(1, 2)),
+        "horizon": Option(2, "Vehicles of the receding horizon.", int, choices=(1, 2))
     }
     summary = "receding horizon, flying to the centres (HE-C)"
 
@@ -142,11 +138,7 @@ def shake(order: Ints, kind: int, rng: np.random.Generator) -> None:
 
 @kernel
 def improve(order: Ints, genes: Floats, task: Task, trials: int, rng: np.random.Generator) -> float:
-    """Try random moves of one vehicle, exchanges of two, and new angles; return the end of the tour (s).
-
-    A change is accepted if the tour ends sooner. `trials` is the number of changes to try. Order,
-    genes and the poses of the task are updated.
-    """
+    """Try `trials` moves, exchanges and new angles, and keep those that end sooner; return the end (s)."""
     n, poses = len(order), task.poses
     end = follow(order, genes, task, 0, math.inf)
     trial, trial_genes, spot = order.copy(), genes.copy(), poses.copy()
@@ -214,11 +206,7 @@ class VariableNeighbourhood(RandomRival):
 
 @kernel
 def _soonest(k: int, i: int, t: float, task: Task) -> float:
-    """Return a lower bound (s) on the time at which a UAV at pose `k` meets vehicle `i`.
-
-    The bound is the time of a straight flight from time `t` on, with the vehicle heading for the
-    UAV.
-    """
+    """Return a lower bound (s) on the time of vehicle `i`: both head for each other from time `t` on."""
     vehicle, pose = task.fleet[i], task.poses[k]
     dx = vehicle[0] + vehicle[2] * t - pose[0]
     dy = vehicle[1] + vehicle[3] * t - pose[1]

@@ -78,11 +78,7 @@ def cross(
     sources: Ints, one: Ints, one_genes: Floats, two: Ints, two_genes: Floats, child: Ints,
     child_genes: Floats,
 ) -> None:  # fmt: skip
-    """Fill in a child by the auxiliary vector `sources` of 1 and 2 (paper: section IV-C).
-
-    Each element takes the first remaining gene of parent `one` (1) or `two` (2), and removes the
-    vehicle from both.
-    """
+    """Fill in a child (paper: section IV-C): each source, 1 or 2, takes the first gene left of that parent."""
     taken = np.zeros(len(one), np.bool_)
     p = q = 0
     for k in range(len(one)):
@@ -103,8 +99,7 @@ def cross(
 def mutate(kind: int, order: Ints, genes: Floats, task: Task, rng: Rng) -> None:
     """Apply mutation operator 1, 2 or 3 of section IV-D.
 
-    Operator 1 swaps two vehicles of the order, operator 2 draws an angle from (0, 2 π], operator 3 draws
-    an interval from 0 to t_max of Lemma 1.
+    They swap two vehicles, draw an angle from (0, 2 π], and draw an interval up to t_max of Lemma 1.
     """
     k = int(rng.random() * len(order))
     i = order[k]
@@ -122,8 +117,7 @@ def mutate(kind: int, order: Ints, genes: Floats, task: Task, rng: Rng) -> None:
 def _catches_up(k: int, i: int, genes: Floats, task: Task) -> bool:
     """Return whether leg `k` ends in the catch-up pattern (paper: Definition 1).
 
-    In this pattern, the shortest path to the access point of vehicle `i` at the encounter is at
-    most as long as that to the access point after an interval ε_t.
+    The shortest path to the access point of `i` is then at most as long as that to the point after ε_t.
     """
     pose = task.poses[k]
     x, y, h, t = pose[0], pose[1], pose[2], pose[3] + genes[i, 1]

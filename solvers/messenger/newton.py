@@ -248,10 +248,9 @@ def _limit(
     point: Point, prices: Prices, legs: Legs, model: Expansion, change: Point, mu: float,
     weight: Floats,
 ) -> tuple[float, float, float, float]:  # fmt: skip
-    """Return the shares of the primal and of the dual step, the step's size, and the slope along it.
+    """Return the primal and dual shares, the step's size and the slope; fill in the weights of penalties.
 
-    The shares keep variables positive and turns below 1 rad. `weight` is filled with the weights of
-    the penalties.
+    The shares keep variables positive and turns below 1 rad.
     """
     dy, du, dt = change
     all_u, all_z, bend, radius, curve, tilt = (
