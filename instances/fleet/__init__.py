@@ -13,10 +13,7 @@ if TYPE_CHECKING:
         write_vrplib as write_vrplib,
     )
     from .generator import generate as generate
-    from .readers import (
-        read_nodes as read_nodes,
-        read_tsplib as read_tsplib,
-    )
+    from .readers import read_nodes as read_nodes, read_tsplib as read_tsplib
     from .solomon import read_solomon as read_solomon
     from .vrplib import read_vrplib as read_vrplib
 

@@ -13,6 +13,7 @@ from ..plots import kit
 from ..verification import Verification
 from .checks import deviation_of, loads_of
 from .data import FleetData, Metric, Objective
+from .embedding import embed
 from .model import FleetRouting
 from .plan import FleetPlan
 from .rich_checks import describe_visits, missing_times
@@ -139,27 +140,15 @@ def _words(model: FleetRouting, plan: FleetPlan | None, result: Verification | N
 def places_of(model: FleetData) -> kit.Floats | None:
     """Return the positions at which nodes are drawn, shape (n, 2); None for costs of many nodes.
 
-    Costs are embedded in a plane by classical multidimensional scaling, after averaging both
-    directions.
+    Costs are embedded in a plane.
     """
     if model.points is not None:
         return model.points
     if model.size > _MOST_SCALED:
         return None
-    from scipy.linalg import eigh
-
-    count = model.size
-    scale = float(model.distances.max()) or 1.0
-    squares = (0.5 * (model.distances + model.distances.T) / scale) ** 2
-    centred = squares - squares.mean(axis=0)
-    centred = -0.5 * (centred - centred.mean(axis=1)[:, None])
-    places = np.zeros((count, 2))
-    axes = min(2, count)
-    values, vectors = eigh(0.5 * (centred + centred.T), subset_by_index=[count - axes, count - 1])
-    places[:, :axes] = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, ::-1]
-    # The sign of an eigenvector is arbitrary: make the largest entry positive.
-    places *= np.where(places[np.abs(places).argmax(axis=0), [0, 1]] < 0, -1.0, 1.0)
-    return scale * places
+    return (0.5 * float((model.distances + model.distances.T).max()) or 1.0) * embed(
+        model.distances
+    )
 
 
 def _draw_map(

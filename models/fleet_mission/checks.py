@@ -79,8 +79,7 @@ def verify_mission(model: MissionData, plan: MissionPlan, tolerance: float) -> V
 
 def _counts(model: MissionData, plan: MissionPlan) -> Iterator[Check]:
     visits = np.bincount(
-        np.array([node for route in plan.routes for node in route], int),
-        minlength=len(model.nodes),
+        np.array([node for route in plan.routes for node in route], int), minlength=len(model.nodes)
     )
     wrong = [f"node {model.label(int(k))}" for k in np.flatnonzero(visits != 1)]
     idle = [f"robot {k}" for k, route in enumerate(plan.routes) if not route]

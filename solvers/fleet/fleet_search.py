@@ -15,15 +15,7 @@ from ...jit import clock
 from ...models.fleet import FleetPlan, FleetRouting
 from ...models.fleet.checks import loads_of, objective_of
 from ...models.fleet.data import LARGE, Metric
-from ..contract.backend import (
-    Answer,
-    Feature,
-    Guarantee,
-    Limit,
-    Option,
-    Request,
-    Termination,
-)
+from ..contract.backend import Answer, Feature, Guarantee, Limit, Option, Request, Termination
 from .bound import lower_bound, trip_bound
 from .candidate import PENALTY, Candidate, scaled
 from .decomposition import SIZE, Parts

@@ -53,7 +53,7 @@ class PyVrpRouting(FleetHeuristic):
             "after ten times as many, or at the time limit if there is one.",
             int,
             lower=1,
-        ),
+        )
     }
     summary = (
         "PyVRP: iterated local search for the sum or the cost of rich fleets, and for the longest"
@@ -140,14 +140,7 @@ def _search(
     stopped: Callable[[], bool], patience: float, first: bool, spacing: float,
 ) -> tuple[Found | None, int]:  # fmt: skip
     """Return the best feasible routes or None, and the number of iterations; `tell` receives better routes."""
-    from pyvrp import (
-        IteratedLocalSearchParams,
-        PenaltyParams,
-        Route,
-        Solution,
-        SolveParams,
-        solve,
-    )
+    from pyvrp import IteratedLocalSearchParams, PenaltyParams, Route, Solution, SolveParams, solve
     from pyvrp.exceptions import PenaltyBoundWarning
     from pyvrp.IteratedLocalSearch import IteratedLocalSearchCallbacks
 
@@ -190,12 +183,7 @@ def _search(
         # PyVRP warns if its maximum penalty cannot enforce a limit: the search then fails anyway.
         warnings.simplefilter("ignore", PenaltyBoundWarning)
         result = solve(
-            data,
-            over,
-            seed % 2**31,
-            collect_stats=False,
-            params=params,
-            initial_solution=initial,
+            data, over, seed % 2**31, collect_stats=False, params=params, initial_solution=initial
         )
     if result.is_feasible() and not outcome:  # the initial solution was never improved
         newest = result.best

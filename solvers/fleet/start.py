@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.fleet import FleetPlan, FleetRouting
-from ...models.fleet.data import LARGE
 
 __all__ = ["cut_tour", "first_plan", "first_routes", "repair"]
 
@@ -31,8 +30,6 @@ ATTEMPTS, PER_VEHICLE = 2000, 20
 IMPROVEMENTS, SHORT = 20, 6
 #: Probability of choosing the most compact split of least overload rather than a random one.
 COMPACT = 0.5
-#: Levels of Hilbert's curve.
-CURVE = 20
 #: Relative excess over a capacity due to rounding of sums in another order.
 ROUNDING = 1e-12
 
@@ -71,10 +68,7 @@ def cut_tour(model: FleetRouting) -> Routes:
     equal share of the tour's length.
     """
     m, depot = model.vehicles, int(model.homes[0])
-    if model.size > LARGE and model.points is not None:
-        tour = _along_curve(model.points, model.customers)
-    else:
-        tour = _nearest(model, depot, model.customers)
+    tour = _nearest(model, depot, model.customers)
     if model.capacity is not None and model.demands is not None and model.demands[tour].any():
         weights, shares = model.demands[tour], np.array(model.capacity)
     else:
@@ -233,22 +227,3 @@ def _nearest(model: FleetRouting, start: int, nodes: NDArray[np.int64]) -> NDArr
         rest[pick] = rest[-1]
         rest = rest[:-1]
     return order
-
-
-def _along_curve(points: Floats, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return `nodes` in the order of Hilbert's curve.
-
-    Source: L. K. Platzman and J. J. Bartholdi, "Spacefilling curves and the planar travelling salesman
-    problem", Journal of the ACM 36, 1989.
-    """
-    offsets = points[nodes] - points[nodes].min(axis=0)
-    side = float(offsets.max()) or 1.0
-    x, y = np.minimum(offsets / side * (1 << CURVE), (1 << CURVE) - 1).astype(np.int64).T
-    key = np.zeros(nodes.size, np.int64)
-    for level in range(CURVE - 1, -1, -1):
-        right, upper = x >> level & 1, y >> level & 1
-        key = 4 * key + (3 * right ^ upper)
-        turn, mirrored = upper == 0, (upper == 0) & (right == 1)
-        x, y = np.where(mirrored, ~x, x), np.where(mirrored, ~y, y)
-        x, y = np.where(turn, y, x), np.where(turn, x, y)
-    return nodes[np.argsort(key, kind="stable")]

@@ -5,7 +5,6 @@ Nodes are embedded as points, and a particle is a set of cluster centres.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from ...models.fleet import FleetRouting, Metric
+from ...models.fleet.embedding import embed
 
 __all__ = [
     "Colonies",
@@ -33,10 +33,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flag = NDArray[np.int8]
 
-#: Dimension of the embedding of distances.
-DIMENSIONS = 2
-#: Largest number of nodes for a dense eigenvalue solver; above, Lanczos's method is used.
-DENSE = 500
 #: Relative excess over the share due to rounding.
 ROUNDING = 1e-12
 
@@ -44,40 +40,15 @@ ROUNDING = 1e-12
 def positions(model: FleetRouting) -> Floats:
     """Return the customers as points in the unit square, shape (customers, 2).
 
-    Costs without points, and paths on a map, are embedded by classical multidimensional scaling of
-    the mean of both directions: W. S. Torgerson, "Multidimensional scaling: I. Theory and method",
-    Psychometrika 17 (1952). Route lengths still use the true distances.
+    Costs without points, and paths on a map, are embedded. Route lengths still use the true distances.
     """
     if model.points is not None and model.metric is not Metric.GRID:
         places = model.points[model.customers]
     else:
-        d = model.distances[np.ix_(model.customers, model.customers)]
-        places = _embed((d + d.T) / 2)
+        places = embed(model.distances[np.ix_(model.customers, model.customers)])
     low, span = places.min(axis=0), np.ptp(places)
     scale = float(np.ptp(places, axis=0).max()) if span > 0 else 0.0
     return np.ascontiguousarray((places - low) / scale if scale > 0 else np.zeros_like(places))
-
-
-def _embed(distances: Floats) -> Floats:
-    from scipy.linalg import eigh
-    from scipy.sparse.linalg import eigsh
-
-    n = len(distances)
-    largest = float(distances.max())
-    squares = (distances / (largest or 1.0)) ** 2
-    inner = -0.5 * (squares - squares.mean(axis=0) - squares.mean(axis=1)[:, None] + squares.mean())
-    count = min(DIMENSIONS, n)
-    if n <= DENSE:
-        values, vectors = eigh(inner, subset_by_index=[n - count, n - 1])
-    else:
-        # A fixed start vector makes the plan reproducible.
-        values, vectors = eigsh(inner, k=count, which="LA", v0=np.random.default_rng(0).random(n))
-    order = np.argsort(-values, kind="stable")
-    places = np.zeros((n, DIMENSIONS))
-    places[:, :count] = vectors[:, order] * np.sqrt(np.maximum(values[order], 0.0))
-    # The sign of an eigenvector depends on the library: make the largest entry positive.
-    signs = np.sign(places[np.abs(places).argmax(axis=0), range(DIMENSIONS)])
-    return places * np.where(signs == 0, 1.0, signs)
 
 
 def k_means(
@@ -174,13 +145,11 @@ def energies(model: FleetRouting) -> Floats:
 class Colonies:
     """Ant colonies that find a tour for each cluster (Algorithm 3, lines 12-22).
 
-    `settings` holds ants, iterations, alpha, beta and evaporation of a colony. Particles are split into
-    `threads` chunks, all but the first on the threads of `pool`. `flag` requests a stop.
+    `settings` holds ants, iterations, alpha, beta and evaporation of a colony. `flag` requests a stop.
     """
 
     model: FleetRouting
     settings: Floats
-    threads: int
     pool: ThreadPoolExecutor | None
     flag: Flag
 
@@ -192,25 +161,14 @@ class Colonies:
         self._compiled: set[str] = set()
 
     def each(self, work: Callable[[int], None], count: int) -> None:
-        """Call `work` with 0 … `count` - 1, in one chunk per thread."""
+        """Call `work` with 0 … `count` - 1, on the threads of the pool if there is one."""
         first = 0
         if work.__name__ not in self._compiled:  # compile before threads run it
             self._compiled.add(work.__name__)
             work(0)
             first = 1
-
-        def part(first: int, last: int) -> None:
-            for entry in range(first, last):
-                work(entry)
-
-        parts = max(min(self.threads, count - first), 1)
-        ends = np.linspace(first, count, parts + 1).astype(int).tolist()
-        others = [] if self.pool is None else [
-            self.pool.submit(part, *pair) for pair in itertools.pairwise(ends[1:])
-        ]  # fmt: skip
-        part(first, ends[1] if others else count)
-        for entry in others:
-            entry.result()
+        for _ in (map if self.pool is None else self.pool.map)(work, range(first, count)):
+            pass
 
     def tours(self, labels: Ints, draws: list[Generator]) -> tuple[Floats, list[Routes], int]:
         """Return lengths and routes of each particle by ant colonies, and the number of iterations.

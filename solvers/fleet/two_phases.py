@@ -94,7 +94,7 @@ class TwoPhases(FleetHeuristic):
         with ExitStack() as stack:
             pool = stack.enter_context(ThreadPoolExecutor(threads)) if threads > 1 else None
             kind = self.colonies(request)
-            colonies = kind(model, settings, threads, pool, request.control.flag)
+            colonies = kind(model, settings, pool, request.control.flag)
             clusters = min(model.vehicles, len(points))
             stage = Stage(best, points, self.weights(model), clusters, colonies, counts)
             while True:

@@ -1,7 +1,4 @@
 """Solvers for missions of a fleet."""
 
-BACKENDS = {
-    "staged": ".staged:Staged",
-    "paper-pipeline": ".paper:PaperPipeline",
-}
+BACKENDS = {"staged": ".staged:Staged", "paper-pipeline": ".paper:PaperPipeline"}
 DIAGNOSES = {"fleet-mission": ".diagnosis:diagnose_mission"}

@@ -18,12 +18,7 @@ from scipy.integrate import simpson
 
 from ...models.fleet_mission.curves import coefficients_between
 from ...models.fleet_mission.model import FleetMission
-from ...models.minimum_snap.polynomials import (
-    bernstein_matrix,
-    derived,
-    factorials,
-    gauss_legendre,
-)
+from ...models.minimum_snap.polynomials import bernstein_matrix, derived, factorials, gauss_legendre
 from ...models.minimum_snap.trajectory import Trajectory
 from .corridor import Corridor
 

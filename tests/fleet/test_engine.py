@@ -13,7 +13,7 @@ import crosstrack as ct
 from crosstrack.models import FleetRouting
 from crosstrack.models.fleet import FleetPlan, data
 from crosstrack.models.fleet.checks import loads_of
-from crosstrack.solvers.fleet import decomposition, fleet_search, start
+from crosstrack.solvers.fleet import decomposition, fleet_search
 from crosstrack.solvers.fleet.bound import lower_bound
 from crosstrack.solvers.fleet.candidate import Candidate, scaled
 from crosstrack.solvers.fleet.decomposition import Parts
@@ -145,7 +145,7 @@ def test_the_tree_bound_is_below_the_optimum(metric, objective, seed):
 @pytest.fixture
 def small_parts(monkeypatch):
     """Treat models with more than 20 nodes as large, in parts of 8 nodes."""
-    for module in (data, start, fleet_search):
+    for module in (data, fleet_search):
         monkeypatch.setattr(module, "LARGE", 20)
     monkeypatch.setattr(decomposition, "SIZE", 8)
     monkeypatch.setattr(decomposition, "STEPS", 10)

@@ -54,7 +54,7 @@ def on_a_line(**more: Any) -> FleetRouting:
 
 def colonies(model: FleetRouting, flag: Any = GO, kind: type[Colonies] = Colonies) -> Colonies:
     """Return colonies of 10 ants and 30 iterations on one thread."""
-    return kind(model, np.array([10, 30, 1.0, 3.0, 0.1]), 1, None, flag)
+    return kind(model, np.array([10, 30, 1.0, 3.0, 0.1]), None, flag)
 
 
 @pytest.mark.parametrize(

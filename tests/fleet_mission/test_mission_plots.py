@@ -206,13 +206,14 @@ def test_strange_missions_are_drawn(model, tmp_path):
     assert len(curves) == model.vehicles
 
 
-@pytest.mark.parametrize("count", [0, 4])
-def test_plans_that_are_far_from_valid_are_drawn(three, count):
-    model = three[0]
-    nothing = MissionPlan([[]] * count, [None] * count, [[]] * count)
-    wild = [{"times": [0, 1e-9], "coefficients": [[[1, 1], [1e200, -1e200]]]}] * count
-    for plan in (nothing, MissionPlan([[0]] * count, wild, [[5e8]] * count)):
-        figure = render(ct.plot(model, plan))
+def test_plans_that_are_far_from_valid_are_drawn(three):
+    wild = [{"times": [0, 1e-9], "coefficients": [[[1, 1], [1e200, -1e200]]]}] * 4
+    for plan in (
+        MissionPlan([], [], []),
+        MissionPlan([[]] * 4, [None] * 4, [[]] * 4),
+        MissionPlan([[0]] * 4, wild, [[5e8]] * 4),
+    ):
+        figure = render(ct.plot(three[0], plan))
         assert "NOT VALID" in figure.get_suptitle()
 
 
