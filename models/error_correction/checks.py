@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 
 from ..fields import required
 from ..resource_routing.route import Route, route_of_indices
 from ..verification import ROUNDING, Check, Verification, check_tolerance
 from .data import RoutingData
+from .no_fly import crosses
 
 __all__ = ["Stop", "verify_route", "walk_route"]
 
@@ -140,6 +142,16 @@ def verify_route(model: RoutingData, plan: Route, tolerance: float) -> Verificat
         most = model.corrections_limit
         excess = max(plan.corrections - most, 0)
         checks.append(Check.count(f"at most {most} corrections", excess, unit="points"))
+    if model.no_fly:
+        legs = [
+            f"leg {model.label(one.point)}-{model.label(other.point)}"
+            for one, other in pairwise(stops)
+            if any(
+                crosses(model.points[one.point], model.points[other.point], polygon)
+                for polygon in model.no_fly
+            )
+        ]
+        checks.append(Check.count("no leg through a no-fly polygon", legs, unit="legs"))
     for axis, kind, limit, equation in (
         ("horizontal", "vertical", model.alpha2, "9"),
         ("vertical", "vertical", model.alpha1, "10"),

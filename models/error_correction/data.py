@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import InitVar, dataclass
 from functools import cached_property
 from typing import Any
@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Flag, Optional, Real, Whole, declared, frozen, show
+from ..grid_path.polygons import Polygon, Polygons
 from ..inputs import Field, FloatArray, Names, Numbers
 from ..labels import Ids
 from ..model import Model
 from ..resource_routing.route import Route
 from ..verification import ROUNDING
+from .no_fly import free_legs
 from .points import END, KIND_WORDS, START, Kinds
 
 __all__ = ["RoutingData"]
@@ -43,6 +45,9 @@ class RoutingData(Model[Route]):
     residual: float | None = declared(Optional(Real(lower=0)), added=True, default=None)
     success: float = declared(Real(lower=0, upper=1), added=True, default=0.0)
     corrections_limit: int | None = declared(Optional(Whole(0)), added=True, default=None)
+    no_fly: Field[Iterable[Any] | None, tuple[Polygon, ...] | None] = declared(
+        Optional(Polygons()), added=True, default=None
+    )
     delta: InitVar[float | None] = None
 
     def __post_init__(self, delta: float | None) -> None:
@@ -89,9 +94,22 @@ class RoutingData(Model[Route]):
 
     @property
     def is_plain(self) -> bool:
-        """Whether this is the paper's problem, without failing corrections and a limit on them."""
-        reliable = self.suspect is None or not self.suspect.any() or self.residual == 0
-        return reliable and self.corrections_limit is None
+        """Whether this is the paper's problem, without the fields that :attr:`additions` names."""
+        return not self.additions
+
+    @property
+    def additions(self) -> str:
+        """Name of the first addition to the paper's problem in this model; "" without one."""
+        if self.suspect is not None and self.suspect.any() and self.residual != 0:
+            return "suspect points"
+        if self.corrections_limit is not None:
+            return "a limit on corrections"
+        return "no-fly polygons" if self.no_fly else ""
+
+    @cached_property
+    def free_legs(self) -> NDArray[np.bool_] | None:
+        """Whether the leg between two points crosses no polygon, shape (n, n); None without polygons."""
+        return frozen(free_legs(self.points, self.no_fly)) if self.no_fly else None
 
     @cached_property
     def codes(self) -> NDArray[np.int8]:

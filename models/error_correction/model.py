@@ -67,6 +67,10 @@ class ErrorCorrectionRouting(RoutingData):
         by default. It determines the chance of arrival in :meth:`walk` and no threshold.
     corrections_limit : int, optional
         Maximum number of corrections on the route.
+    no_fly : iterable of polygons, optional
+        Polygons in the plane of the first two coordinates, m, as in
+        :class:`~crosstrack.models.grid_path.Polygons`. No leg may cross the open interior of a polygon at any
+        height. A leg may touch corners, follow an edge and end on the boundary.
     delta : float, optional
         Value of both rates, instead of the two fields; not stored under this name.
 
@@ -129,6 +133,7 @@ class ErrorCorrectionRouting(RoutingData):
             f"{len(self.points)} points: {int((self.codes == HORIZONTAL).sum())} horizontal, "
             f"{int((self.codes == VERTICAL).sum())} vertical{suspect}"
             + ("" if limit is None else f"; at most {limit} correction{'' if limit == 1 else 's'}")
+            + (f"; {len(self.no_fly)} no-fly polygons" if self.no_fly else "")
         )
 
     def second_objective(self, name: str, plan: Route) -> float:
@@ -144,7 +149,8 @@ class ErrorCorrectionRouting(RoutingData):
     def lower(self) -> ResourceRouting:
         """Return the equivalent route with resources: two errors, and limited corrections.
 
-        A correction that may fail resets the error to at most the residual.
+        A correction that may fail resets the error to at most the residual. Legs that cross a no-fly polygon
+        are no arcs.
         """
         suspect = np.zeros(len(self.points), bool) if self.suspect is None else self.suspect
         words = tuple(
@@ -169,9 +175,14 @@ class ErrorCorrectionRouting(RoutingData):
             most = dict.fromkeys(points, float(self.corrections_limit))
             gains = dict.fromkeys(points, 1.0)
             resources.append(Resource("corrections", limits=most, gains=gains))
+        arcs = None
+        if self.free_legs is not None:
+            allowed = self.free_legs.copy()
+            allowed[self.end] = allowed[:, self.start] = False
+            arcs = np.argwhere(allowed)
         return ResourceRouting(
             words, tuple(resources), self.start, self.end,
-            points=self.points, revisits=self.revisits, ids=self.ids, name=self.name,
+            points=self.points, arcs=arcs, revisits=self.revisits, ids=self.ids, name=self.name,
         )  # fmt: skip
 
     # -- plans -----------------------------------------------------------------------------------

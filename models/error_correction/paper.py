@@ -76,7 +76,7 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         """Return all arcs except those into A, out of B, and from a point to itself."""
         model, n = self.model, len(self.model.points)
         require_few((n - 1) ** 2, n)
-        free = ~np.eye(n, dtype=bool)
+        free = ~np.eye(n, dtype=bool) if model.free_legs is None else model.free_legs.copy()
         free[model.end] = free[:, model.start] = False
         tail, head = np.nonzero(free)
         length = np.linalg.norm(model.points[head] - model.points[tail], axis=1)
@@ -219,6 +219,12 @@ class PaperFormulation(Formulation[ErrorCorrectionRouting, Route]):
         point = np.zeros(program.size)
         key = arcs.tail * n + arcs.head
         legs = np.array([i * n + j for i, j in pairwise(route)], np.int64)
+        absent = legs[~np.isin(legs, key)]
+        if absent.size:
+            raise InvalidData(
+                f"leg {absent[0] // n}-{absent[0] % n} of the route crosses a no-fly polygon",
+                field="route",
+            )
         point[np.searchsorted(key, legs)] = 1.0
         corrections = np.flatnonzero((model.codes == HORIZONTAL) | (model.codes == VERTICAL))
         point[

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..fields import required
 from ..plots import kit
 from .model import ErrorCorrectionRouting, Route, Stop
+from .no_fly import crosses
 from .points import KIND_WORDS
 
 __all__ = ["animate_route", "draw", "violated_stops"]
@@ -23,6 +24,8 @@ __all__ = ["animate_route", "draw", "violated_stops"]
 _NUMBERS = {"A": 6, "horizontal": 0, "vertical": 1, "B": 6}
 _COLOURS = {word: kit.colour_of(number) for word, number in _NUMBERS.items()}
 _MARKERS = {"A": ">", "horizontal": "o", "vertical": "^", "B": "s"}
+#: Look of the border of a no-fly polygon.
+_BORDER: dict[str, Any] = {"color": kit.RED, "lw": 1.2, "ls": "--"}
 
 #: Largest number of labels drawn by default.
 _MOST_LABELS = 45
@@ -84,8 +87,10 @@ def violated_stops(model: ErrorCorrectionRouting, stops: list[Stop]) -> list[int
     """Return the indices of the stops that violate a constraint, ascending.
 
     Violations are thresholds exceeded by more than the tolerance of a verification, a route that does
-    not begin at A, does not end at B or passes through either, and a forbidden revisit.
+    not begin at A, does not end at B or passes through either, a forbidden revisit, and the end of a leg that
+    crosses a no-fly polygon.
     """
+    crossed = _crossed(model, stops)
     last = len(stops) - 1
     allowed = model.limits * (1.0 + kit.TOLERANCE)
     bad = []
@@ -96,12 +101,24 @@ def violated_stops(model: ErrorCorrectionRouting, stops: list[Stop]) -> list[int
             (stop.kind == "A") != (place == 0)
             or (stop.kind == "B") != (place == last)
             or (not model.revisits and stop.point in visited)
+            or place in crossed
             or (place > 0 and (stop.horizontal > horizontal or stop.vertical > vertical))
         )
         visited.add(stop.point)
         if is_violated:
             bad.append(place)
     return bad
+
+
+def _crossed(model: ErrorCorrectionRouting, stops: list[Stop]) -> set[int]:
+    """Return the indices of stops whose leg from the previous stop crosses a no-fly polygon."""
+    ways = [model.points[stop.point] for stop in stops]
+    return {
+        place
+        for place in range(1, len(ways))
+        for polygon in model.no_fly or ()
+        if crosses(ways[place - 1], ways[place], polygon)
+    }
 
 
 def _title(
@@ -158,7 +175,13 @@ def _draw_space(
         if any(unsure):
             kit.dots(axes, way[unsure], "o", "white", size=9, zorder=5)
         kit.ring(axes, way[bad], "rule broken")
-    _box(points, axes, unit)
+    shown = [points]
+    for polygon in model.no_fly or ():
+        for ring in (polygon.shell, *polygon.holes):
+            closed = np.vstack([ring, ring[:1]]) * scale
+            axes.plot(*closed.T, floor, **_BORDER, zorder=1)
+            shown.append(np.column_stack([closed, np.full(len(closed), floor)]))
+    _box(np.vstack(shown), axes, unit)
 
 
 def _box(points: NDArray[np.float64], axes: Any, unit: str) -> None:
@@ -195,6 +218,8 @@ def _kind_keys(model: ErrorCorrectionRouting, suspect: bool, bad: bool) -> list[
     ]
     if suspect:
         keys.append(kit.key("may fail", marker="o", color=kit.DARK, mfc="white", ms=4))
+    if model.no_fly:
+        keys.append(kit.key("no-fly polygon", **_BORDER))
     return [*keys, kit.key("rule broken", **kit.RING)] if bad else keys
 
 

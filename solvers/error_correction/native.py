@@ -27,10 +27,7 @@ class RoutingBackend(RouteSearch):
 
     def refuses(self, problem: ErrorCorrectionRouting) -> str:
         """Return what of `problem` labels with one error do not cover."""
-        if problem.is_plain:
-            return ""
-        what = "suspect points" if problem.corrections_limit is None else "a limit on corrections"
-        return f"{what}: take resource-labelling"
+        return problem.additions and f"{problem.additions}: take resource-labelling"
 
     def starter(self, problem: Any) -> str:
         """Return the paper's first stage for instances whose search may not end in time."""

@@ -95,10 +95,15 @@ class Labelling(Backend):
     options = OPTIONS
     summary = "the paper's stage 1: Dijkstra by length, one label per point; a heuristic"
 
+    def refuses(self, problem: ErrorCorrectionRouting) -> str:
+        """Return which part of `problem` the labels do not cover."""
+        return problem.additions and f"{problem.additions}: take resource-labelling"
+
     def run(self, problem: ErrorCorrectionRouting, request: Request) -> Answer:
         """Label the points and return the route to B."""
         from .airspace import airspace
 
+        self.require_support(problem)
         begin = clock()
         labels = label_with_factors(airspace(problem), request.options["threshold_factor"], request)
         return Answer(

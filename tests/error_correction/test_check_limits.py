@@ -1,5 +1,7 @@
 """What each check of a route with corrections accepts: 0.9 of its tolerance, and not 1.1."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from check_limits import SCALES, assert_complete, assert_limit, assert_only, pairs
@@ -10,6 +12,7 @@ from crosstrack.models.error_correction import Route, checks
 TOLERANCE = 1e-6
 #: Points 0 … 5 lie 10 apart on a line, in this order.
 KINDS = ["A", "horizontal", "vertical", "horizontal", "vertical", "B"]
+ZONE = "no leg through a no-fly polygon"
 LIMITS_FREE = dict.fromkeys(("alpha1", "alpha2", "beta1", "beta2", "theta"), 1e4)
 
 
@@ -133,6 +136,18 @@ def test_the_chance_of_arrival_counts_every_outcome(theta, alpha1, residual, cha
     assert found == pytest.approx([1.0, *chances], rel=1e-12)
 
 
+@pytest.mark.parametrize("scale", SCALES)
+def test_a_leg_through_a_polygon_is_named(scale):
+    """The polygon is between points 2 and 3, and its upper edge on the way from 1 to 2."""
+    zone = scale * np.array([[7, 0], [17, -1], [17, 1], [12, 0]])
+    model = routing(1.0, rates=(0.0, 0.0), no_fly=[zone], ids=list("abcdef"))
+    points = model.points * [scale, scale, 1.0]
+    found = replace(model, points=points).verify(Route([0, 1, 2, 3, 5]))
+    assert_only(ZONE, found)
+    assert (found.violated[0].worst, found.violated[0].where) == (1, "leg c-d")
+
+
 def test_every_check_is_tested():
-    found = routing(1.0, corrections_limit=4).verify(Route([0, 1, 5]))
-    assert_complete({*LIMITS, *FAULTS}, [found], checks)
+    zone = [[[0, 1], [1, 1], [1, 2]]]
+    found = routing(1.0, corrections_limit=4, no_fly=zone).verify(Route([0, 1, 5]))
+    assert_complete({*LIMITS, *FAULTS, ZONE}, [found], checks)
