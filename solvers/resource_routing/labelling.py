@@ -30,6 +30,8 @@ FIRST, RISE, LAST = 0.004, 2.2, 8.0
 LEAST, GROWTH = 0.02, 4.0
 #: By how much the longest route of interest exceeds the known one, relative.
 MARGIN = 1e-9
+#: Number of points up to which cutting planes take longer than the search with plain bounds.
+TINY = 10
 #: Labels, beside four per point, after which multipliers are computed.
 LIGHT = 4000
 #: What rounding adds to a length, relative.
@@ -151,7 +153,7 @@ def _under(
     if signed:
         # Multipliers of the resources, or of the number of arcs, leave no negative cycle.
         whole = counted(net)
-        bounds = best_bounds(whole) or plain_bounds(whole)
+        bounds = (best_bounds(whole) if len(rows) > TINY else None) or plain_bounds(whole)
         if bounds.weight.size > net.initial.size and bounds.weight[-1] > 0.0:
             net = whole
         bounds = replace(bounds, weight=bounds.weight[: net.initial.size])
@@ -160,23 +162,23 @@ def _under(
         start.search(net, bounds.ahead, rows)
         if problem.routes == 1:
             cutoff = min(cutoff, start.length * (1.0 + MARGIN))
-        else:
-            # The first search of several routes makes many labels.
-            bounds = best_bounds(net) or bounds
     light = LIGHT + 4 * len(rows)
-    if signed or problem.routes > 1 or not cumulative(net).size:
+    if signed or not cumulative(net).size:
         light = MOST_LABELS
     memory, shut = Memory(net, signed), shut_levels(net)
+    # Length of the last walk of the first search, which the last of as many simple routes is not shorter than.
+    longest = -math.inf
 
     def search(critical: NDArray[np.int64], proven: float) -> Found:
-        nonlocal bounds, light
+        nonlocal bounds, light, longest
         critical, bits, words = memory.arrays(critical)
         via = bounds.via(net, critical)
         made = settled = rounds = 0
         below = proven = max(proven, float(bounds.ahead[net.start]))
         share = FIRST if critical.size and 0 < abs(proven) < math.inf else LAST
         while True:
-            ceiling = min(cutoff, proven + abs(proven) * share) if share < LAST else cutoff
+            least = max(proven, longest)
+            ceiling = min(cutoff, least + abs(least) * share) if share < LAST else cutoff
             guide = Guide(
                 bounds.weight, bounds.ahead, via, bits, words, shut[critical], bounds.rounding
             )
@@ -197,6 +199,8 @@ def _under(
                 bound = math.inf
             ways = np.split(points, np.cumsum(sizes))[:-1] or [points]
             length = min(lengths, default=math.inf)
+            if len(sizes) == problem.routes > 1:
+                longest = float(lengths[-1])
             return Found(
                 status, ways[0], length, max(bound, below), made, settled, rounds,
                 critical.size, tuple(ways[1:]),
