@@ -310,10 +310,9 @@ def _exponentials(matrices: Floats) -> _Scaled:
 def _stretches(course: Course) -> tuple[list[_Stretch], float]:
     """Return the stretches to integrate one by one, and the growth over the whole phase.
 
-    The motion is linearised along the plan. The largest growth of a perturbation, relative to the
-    size of the states, is accumulated from the start of a window. A window ends at the last knot
-    before the growth exceeds :data:`GROWTH`. An interval that exceeds it alone is cut into equal
-    parts.
+    The motion is linearised along the plan. A window ends at the last knot before the accumulated growth of a
+    perturbation, relative to the size of the states, exceeds :data:`GROWTH`. An interval that exceeds it alone is
+    cut into equal parts.
     """
     plan, scale = course.plan.states, course.sizes.states
     count, size = plan.intervals, plan.size

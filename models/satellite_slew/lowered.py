@@ -77,9 +77,9 @@ def slew_problem(model: SlewData, name: str) -> OptimalControlProblem:
 def reduced_problem(model: SlewData, name: str) -> OptimalControlProblem:
     """Return `model` as an optimal control problem without redundant states and conditions.
 
-    The body rates follow from the conserved momentum, I w = R(q)ᵀ H - h(δ), and the rotation from the
-    initial attitude is its modified Rodrigues vector σ, the axis times tan(angle / 4): σ̇ = ¼ ((1 -
-    σ·σ) w + 2 σ×w + 2 (σ·w) σ). The states are σ and δ. σ is singular at a rotation by 360° only.
+    The body rates follow from the conserved momentum, I w = R(q)ᵀ H - h(δ). The states are δ and the modified
+    Rodrigues vector σ of the rotation from the initial attitude, the axis times tan(angle / 4), which is singular
+    at 360° only: σ̇ = ¼ ((1 - σ·σ) w + 2 σ×w + 2 (σ·w) σ).
     """
     problem = OptimalControlProblem(name)
     phase = problem.phase("slew", time=(0.0, _end(model)), equation="1 and 10")

@@ -217,10 +217,9 @@ def _least_squares(matrix: sp.csc_array, right: Vector) -> Vector | None:
 def descent_by_curvature(program: NonlinearProgram, point: Vector, duals: Vector) -> Vector | None:
     """Return a direction along which the objective decreases on both sides; None if none is found.
 
-    The Hessian of the Lagrangian is projected onto the directions that the binding rows and bounds
-    permit. Its smallest eigenvalue is approximated by Lanczos' method with full orthogonalisation
-    (Golub and Van Loan, "Matrix Computations", section 10.1). The direction is scaled to a largest
-    entry of 1 in column sizes.
+    The Hessian of the Lagrangian is projected onto the directions that binding rows and bounds permit, and its
+    smallest eigenvalue approximated by Lanczos' method with full orthogonalisation (Golub and Van Loan, "Matrix
+    Computations", section 10.1). The direction is scaled to a largest entry of 1 in column sizes.
     """
     scale = program.column_scale
     slack = np.minimum(point - program.column_lower, program.column_upper - point)

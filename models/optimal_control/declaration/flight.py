@@ -37,15 +37,10 @@ def fly(
 ) -> Guess:
     """Return the guess with states integrated from its initial ones with its controls.
 
-    If the end is free and not given, it is the time at which the final values are nearest. States
-    that were guessed after the call of ``simulate`` keep their guesses. The functions are
-    ``(t, x, u, p) -> (rate, …)``, `steer`, from the guessed controls u to those with feedback, and
-    `solved`, which solves the equations for the algebraic variables in u.
-
-    Raises
-    ------
-    InvalidData
-        A state or its rate is not finite, diverges, or changes too fast to be integrated.
+    If the end is free and not given, it is the time at which the final values are nearest. States that were
+    guessed after the call of ``simulate`` keep their guesses. The functions are ``(t, x, u, p) -> (rate, …)``,
+    `steer`, from the guessed controls u to those with feedback, and `solved`, which solves the equations for the
+    algebraic variables in u. A state that is not finite, diverges or changes too fast raises ``InvalidData``.
     """
     states, controls = phase.states, phase.controls
     earliest, latest = (guess.end,) * 2 if "time" in phase.guessed else phase.bounds[2:]

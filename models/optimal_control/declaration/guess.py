@@ -258,10 +258,9 @@ def draw_lines(
 ) -> Guess:
     """Return the guess of a phase: given values, and straight lines for the others.
 
-    A state moves from its initial to its final value if these are fixed. A free state continues
-    from the previous phase, with the value `before` at its end, towards its next known value in later
-    phases. An unknown value equals that of the other end, or the middle of its bounds, or 0 moved into
-    the bounds.
+    A state moves between its fixed ends. A free state continues from the value `before` of the previous phase
+    towards its next known value in later phases. An unknown value equals that of the other end, or the middle
+    of its bounds, or 0 moved into the bounds.
     """
     values_of = {name: value for name, value in phase.guessed.items() if name != "time"}
     start, end = span

@@ -124,11 +124,10 @@ def _effects(
 ) -> tuple[Floats, Floats, Bools] | None:  # fmt: skip
     """Return the effects on the end of a random motion; None if no motion can be computed.
 
-    The effects are matrices with one row per final value and boundary constraint, and one row per
-    path expression. The columns are changes of a control at a node, a free initial value (not for
-    paths), a time or a parameter, all relative to their sizes. The third result marks path
-    expressions that only initial values change. The motion starts at the start of the phase or, if
-    `arriving`, ends at its end.
+    The effects are matrices with one row per final value and boundary constraint, and per path expression. Their
+    columns are changes of a control at a node, a free initial value (not for paths), a time or a parameter,
+    relative to their sizes. The third result marks path expressions that only initial values change. The motion
+    starts at the start of the phase or, if `arriving`, ends at its end.
     """
     phase, draw = definition.phases[number], np.random.default_rng(seed)
     functions = functions_of(definition)

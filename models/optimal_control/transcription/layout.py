@@ -168,11 +168,9 @@ class PhaseLayout:
     # -- calm controls ---------------------------------------------------------------------------
 
     def calm_rows(self, size: int) -> sp.csr_array:
-        """Return the rows that restrict the controls to half the degree in calm intervals.
+        """Return the rows, (…, size), that restrict the controls to half the degree in calm intervals.
 
-        On a singular arc a mesh gains by chattering what the problem itself does not allow, so
-        refinement restricts the controls there. The right-hand sides of the rows are 0, and `size` is
-        the number of columns of the program.
+        On a singular arc a mesh gains by chattering what the problem itself does not allow. Right-hand sides are 0.
         """
         rows = Triplets()
         count = 0
@@ -355,12 +353,10 @@ class Layout:
     def strains(self, sizes: Sizes, duals: Floats | None, point: Floats) -> tuple[Floats, ...]:
         """Return the possible gain of the objective, per interval, if its controls were not kept calm.
 
-        On a singular arc the gain is not real; elsewhere, such as at a jump of a control, the calm rows
-        restrict the program. Their multipliers distinguish the two cases: a multiplier is the derivative
-        of the optimal objective with respect to the right-hand side of its row. The gain is the sum of
-        the multipliers' magnitudes times the size of the control, an upper bound for a convex program
-        whose controls stay within that size; it is 0 without multipliers. Those of the calm rows are
-        the last of `duals`. Linear controls that are at a bound in `point` have no gain.
+        On a singular arc the gain is not real; elsewhere, such as at a jump of a control, the calm rows, the last
+        of `duals`, restrict the program. The gain is the sum of the multipliers' magnitudes times the size of the
+        control: an upper bound for a convex program whose controls stay within that size, and 0 without
+        multipliers. Linear controls that are at a bound in `point` have no gain.
         """
         if duals is None:
             return tuple(np.zeros(phase.mesh.intervals) for phase in self.phases)

@@ -104,10 +104,10 @@ class History:
 class Finding:
     """Assessment of a plan on its meshes, and the resulting action.
 
-    `meshes` is None if the plan is good enough, or no finer mesh is possible. `error` is the largest
-    relative error or violation of an interval. `change` is the relative difference of the objective from
-    that of the last meshes, infinite for the first ones. `verified` is None if the verification was
-    skipped. `settled` states whether this plan, or the one accepted before, is good enough.
+    `meshes` is None if the plan is good enough, or no finer mesh is possible. `error` is the largest relative
+    error or violation of an interval, and `change` the relative difference of the objective from that of the last
+    meshes, infinite for the first ones. `verified` is None if the verification was skipped. `settled` states
+    whether this plan, or the one accepted before, is good enough.
     """
 
     meshes: tuple[Mesh, ...] | None
@@ -153,12 +153,11 @@ def next_meshes(
 ) -> Finding:
     """Return finer meshes, or none if the plan verifies and its objective has converged.
 
-    The share of an interval in the tolerance is an estimate of the accumulation of errors: once the
-    objective has converged, a plan without a larger error than the tolerance is verified in any case, within
-    a share of it. `verifies` decides, for a plan and a tolerance. Costates of the plan, if available,
-    indicate whether it is optimal. `objectives` are the objective and its size. `strains` are the possible
-    gains of the objective, per interval of each phase, without the rows that keep controls calm
-    (:meth:`~.layout.Layout.strains`).
+    The share of an interval in the tolerance estimates the accumulation of errors. Once the objective has
+    converged, a plan without an error above the tolerance is verified in any case, within a share of it.
+    `verifies` decides, for a plan and a tolerance. Costates of the plan, if available, indicate whether it is
+    optimal. `objectives` are the objective and its size, and `strains` the possible gains per interval of each
+    phase without the rows that keep controls calm (:meth:`~.layout.Layout.strains`).
     """
     objective, size = objectives
     parameters = np.concatenate([*plan.parameters.values(), np.empty(0)])
@@ -237,10 +236,9 @@ def _reexamine(
 ) -> tuple[tuple[Mesh, ...] | None, str]:
     """Return meshes for an examination of optimality and its reason; None without a reason.
 
-    A converged objective does not cover intervals that the last meshes left unchanged, nor a
-    restriction that all meshes share. Intervals are halved if the Hamiltonian predicts a gain larger
-    than the `accuracy` of the objective although they were unchanged, or if the rows that keep controls
-    calm restrict the objective. In the latter case the controls are released.
+    A converged objective covers neither intervals that the last meshes left unchanged nor a restriction that all
+    meshes share. Unchanged intervals are halved if the Hamiltonian predicts a gain above the `accuracy` of the
+    objective there, and calm controls are released if their rows restrict the objective.
     """
     words, chosen = "verified and settled, but ", _promising(strains, accuracy)
     if chosen is not None:

@@ -139,9 +139,8 @@ def gauss(count: int) -> Scheme:
 def radau(count: int) -> Scheme:
     """Return the Radau scheme with `count` nodes, which include the interval's end (Radau IIA).
 
-    Garg, Patterson, Hager, Rao, Benson and Huntington, "A unified framework for the numerical
-    solution of optimal control problems using pseudospectral methods", Automatica 46 (2010), with
-    mirrored nodes: the end is collocated, the start is not.
+    Garg, Patterson, Hager, Rao, Benson and Huntington, "A unified framework for the numerical solution of optimal
+    control problems using pseudospectral methods", Automatica 46 (2010), mirrored: the end is collocated.
     """
     nodes, weights = radau_points(count)
     points = np.concatenate([[-1.0], nodes])
