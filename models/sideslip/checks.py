@@ -75,16 +75,19 @@ def kinematic_differences(
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def linear_contradiction(vehicle: Vehicle, recording: Recording) -> float:
-    """Return the largest difference between linear tyres and kinematics at 5 m/s or more, in degrees.
+def linear_contradiction(vehicle: Vehicle, recording: Recording) -> tuple[float, float]:
+    """Return the largest and the mean difference between linear tyres and kinematics at 5 m/s or more, in degrees.
 
     With linear tyres yaw rate, acceleration and steering angle of one sample determine the angle. Its changes over one
-    second are compared with those of kinematics, as in :func:`kinematic_error`.
+    second are compared with those of kinematics, as in :func:`kinematic_error`. The largest absolute difference shows
+    tyres that slide or a wrong vehicle. The absolute mean shows a sensor with a bias or a bank of the road.
     """
     front, rear = vehicle.cornering_front, vehicle.cornering_rear
     arm = (vehicle.rear * rear - vehicle.front * front) / np.maximum(recording.speed, SLOW)
     force = front * recording.steering + arm * recording.yaw_rate
     angle = (force - vehicle.mass * recording.lateral_acceleration) / (front + rear)
     apart, first, last = kinematic_differences(recording, angle)
-    fast = np.minimum(recording.speed[first], recording.speed[last]) >= SLOW
-    return float(np.degrees(np.abs(apart[fast]).max(initial=0.0)))
+    apart = apart[np.minimum(recording.speed[first], recording.speed[last]) >= SLOW]
+    if not apart.size:
+        return 0.0, 0.0
+    return float(np.degrees(np.abs(apart).max())), float(np.degrees(abs(apart.mean())))

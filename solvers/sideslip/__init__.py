@@ -15,6 +15,7 @@ BACKENDS = {
     "unscented-filter": ".unscented:UnscentedFilter",
     "moving-horizon": ".moving_horizon:MovingHorizon",
     "kalman-grnn": ".regression:KalmanGrnn",
+    "smoother-grnn": ".regression:SmootherGrnn",
     "grnn": ".regression:Grnn",
     "linear-regression": ".regression:LinearRegression",
 }

@@ -15,6 +15,9 @@ starting point o instead, so that an error that stays is found after it stopped 
 is explained, or if a sensor bias that began during the drive may be the reason: for 8 s the rate of the angle
 differed from the reference by less than a bias does, and ``|d| <= s_k + 3.5 √(v + p₀ T²)``.
 
+The model of the filters replaces tangents by angles. Its error without slip at the rear axle, ``b ω / u - arctan(b ω / u)``,
+is part of the deviation s_k of estimators that do not learn. It is below 0.001° at 20 m/s, and 0.5° in a narrow turn when parking.
+
 The training-range gate compares the inputs with those of the training drives. At a standardised distance D outside of
 their range the deviation becomes ``√(s_k² + (D σ)²)``, and σ is the deviation of what was learned. For kernel
 regression it is at least ``R σ`` with the distance R of the recent inputs: tyres that slide change the relation between steering, yaw rate and
@@ -117,6 +120,8 @@ def apply_gates(
     drive = problem.recording
     learned = spread > 0.0 and bool(problem.training)
     reference = calibrate_reference(problem, deviation) if learned else problem
+    if not learned:
+        deviation = np.minimum(np.hypot(deviation, small_angle_error(problem)), UNKNOWN)
     difference = find_contradictions(reference, sideslip, deviation)
     contradicted = difference != 0.0
     variance = deviation**2 + difference**2
@@ -145,6 +150,13 @@ def apply_gates(
     wider = np.minimum(np.sqrt(variance), np.hypot(UNKNOWN, sideslip))
     wider = np.where(variance > deviation**2, wider, deviation)
     return Gated(wider, contradicted, outside, tuple(messages))
+
+
+def small_angle_error(problem: SideslipEstimation) -> Floats:
+    """Return the error (rad) of small angles in the model: without slip at the rear axle the angle is arctan(b ω / u)."""
+    drive = problem.recording
+    turn = problem.vehicle.rear * drive.yaw_rate / np.where(drive.moving, drive.speed, np.inf)
+    return np.asarray(turn - np.arctan(turn))
 
 
 def time_ranges(drive: Recording, flags: NDArray[np.bool_]) -> str:

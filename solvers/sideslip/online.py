@@ -83,7 +83,8 @@ class OnlineFilter:
     def __init__(self, model: SideslipEstimation, backend: str, history: float = 0.0) -> None:
         self._history = Real(0.0).coerce("history", history, {})
         jit.compile_always()
-        self._backend, self._sensors = backend, noise_variances(model)[[2, 3, 0]]
+        self._backend = backend
+        self._sensors = np.append(noise_variances(model)[[2, 3, 0]], model.vehicle.rear)
         self._most = largest_variance(model)
         if backend == "kalman-filter":
             initial = np.concatenate([model.initial, model.initial_deviation**2])

@@ -46,7 +46,7 @@ Track = namedtuple(
 Track.__doc__ = """Arguments of :func:`~crosstrack.solvers.sideslip.gates.gate_path` since the longest window began.
 
 `counts` has the number of samples, the first one after the last halt, and the first one of each window; `sensors`
-the variances of yaw rate, acceleration and disturbance of the angle per second.
+the variances of yaw rate, acceleration and disturbance of the angle per second, and the distance of the rear axle (m).
 """
 
 
@@ -167,7 +167,10 @@ def gate_sample(
     rate = acceleration / speed - yaw_rate
     moving = speed >= LOW_SPEED and not math.isnan(rate)
     inverse = 1.0 / speed if moving else 0.0
-    if not moving:
+    if moving:
+        turn = sensors[3] * yaw_rate * inverse
+        claim = min(math.hypot(claim, turn - math.atan(turn)), UNKNOWN)
+    else:
         rate = 0.0 if math.isnan(yaw_rate) else -yaw_rate
     track.times[k], track.moving[k], track.angle[k], track.claim[k] = time, moving, angle, claim
     track.rate[k] = rate

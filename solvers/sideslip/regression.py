@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from ...models.sideslip.model import SideslipEstimation
 from ..contract.backend import Request
 from ..contract.option import Option
 from .gates import find_contradictions, time_ranges
-from .kalman import KalmanFilter
+from .kalman import KalmanFilter, RtsSmoother
 from .learning import (
     KernelRegression,
     StraightLine,
@@ -27,7 +27,7 @@ from .learning import (
 )
 from .native import Estimate, SideslipBackend
 
-__all__ = ["Grnn", "KalmanGrnn", "LinearRegression"]
+__all__ = ["Grnn", "KalmanGrnn", "LinearRegression", "SmootherGrnn"]
 
 Floats = NDArray[np.float64]
 
@@ -35,6 +35,8 @@ Floats = NDArray[np.float64]
 _BETTER = 0.9
 #: Ratio of the noise of the drive to that of the training drives up to which a tyre curve learned from them is used.
 _NOISIER = 2.0
+#: Relative change of the mass since the training drives whose effect is named, and the smallest effect, rad.
+LOAD, LEAST_EFFECT = 0.1, math.radians(0.1)
 #: Factor on a deviation above which a message names the reason.
 _NOTED = 1.2
 _WINDOW = {
@@ -132,21 +134,23 @@ class KalmanGrnn(_Learning):
     name = "kalman-grnn"
     options = {**_WINDOW, **_WIDTH, **_scaling(True)}
     summary = "Kalman filter, corrected by kernel regression on its errors on other drives"
+    #: Estimator that is corrected.
+    corrected: ClassVar[type[SideslipBackend]] = KalmanFilter
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
         """Return the filter's angle, corrected by its error at similar measurements."""
         window, others = self.window(problem, request)
-        filtered: list[Estimate] = []
+        base, filtered = self.corrected(), list[Estimate]()
         for drive in (problem.recording, *problem.training):
             drive = replace(drive, sideslip=None)
             alone = replace(problem, recording=drive, training=(), truth=None)
-            entry = KalmanFilter().estimate(alone, request)
+            entry = base.estimate(alone, request)
             if entry is None:
-                return _uncorrected(filtered[0]) if filtered else _unfiltered(problem, window)
+                return _uncorrected(filtered[0], base) if filtered else _unfiltered(problem, window)
             filtered.append(entry)
         here, *there = filtered
         if request.control.stopped:
-            return _uncorrected(here)
+            return _uncorrected(here, base)
         errors = []
         for drive, entry in zip(problem.training, there, strict=True):
             assert drive.sideslip is not None  # the model refuses such drives
@@ -155,7 +159,7 @@ class KalmanGrnn(_Learning):
         learned = KernelRegression(examples, **others)
         result = learned(window.features(problem.recording), lambda: request.control.stopped)
         if result is None:
-            return _uncorrected(here)
+            return _uncorrected(here, base)
         error, deviation, near = result
         if _noise_ratio(problem) <= _NOISIER:
             curved = _correct_by_curve(problem, examples, filtered, _BETTER * learned.error)
@@ -165,6 +169,7 @@ class KalmanGrnn(_Learning):
                 apart = 0.5 * np.abs(here.sideslip + near * error - angle)
                 apart += (1.0 - near) * learned.spread
                 deviation, message = widen_near(problem, angle, np.hypot(curved.deviation, apart))
+                message = "; ".join(filter(None, (message, name_unseen_load(problem, deviation))))
                 return curved._replace(sideslip=angle, deviation=deviation, message=message)
         claims = zip(problem.training, there, strict=True)
         usual = np.median(
@@ -227,6 +232,29 @@ def _correct_by_curve(
     return Estimate(angle, deviation, said, "", learned.spread, history=True)
 
 
+def name_unseen_load(problem: SideslipEstimation, deviation: Floats) -> str:
+    """Return where a larger mass than on the training drives would go unnoticed, or an empty text.
+
+    In a steady turn the error is constant, so that kinematics does not contradict it, and no deviation of the estimate (rad)
+    includes it.
+    """
+    drive, car = problem.recording, problem.vehicle
+    angle = car.mass * drive.lateral_acceleration / (car.cornering_front + car.cornering_rear)
+    angle *= LOAD
+    before = np.interp(drive.times - 1.0, drive.times, angle)
+    unseen = (np.abs(angle) > np.maximum(2.0 * deviation, LEAST_EFFECT)) & (
+        np.abs(angle - before) <= deviation
+    )
+    unseen &= drive.moving
+    if not unseen.any():
+        return ""
+    most = math.degrees(float(np.abs(angle[unseen]).max()))
+    return (
+        f"at {time_ranges(drive, unseen)} kinematics does not show a constant error: a mass {100 * LOAD:g} % above that of the "
+        f"training drives would change the angle by up to {most:.2g}°, which deviations do not include"
+    )
+
+
 def widen_near(problem: SideslipEstimation, angle: Floats, deviation: Floats) -> tuple[Floats, str]:
     """Return a wider deviation (rad) near samples where kinematics contradicts the angle (rad), and the reason.
 
@@ -258,6 +286,14 @@ def widen_near(problem: SideslipEstimation, angle: Floats, deviation: Floats) ->
         f"the angle's changes over a second differ at {time_ranges(problem.recording, widened)} more from those that yaw rate and "
         f"acceleration give than the {math.degrees(usual):.2g}° on training drives: deviations are wider there"
     )
+
+
+class SmootherGrnn(KalmanGrnn):
+    """Rauch-Tung-Striebel smoother with the correction of :class:`KalmanGrnn`. Each angle uses all samples."""
+
+    name = "smoother-grnn"
+    summary = "smoother, corrected by kernel regression on its errors on other drives"
+    corrected = RtsSmoother
 
 
 class LinearRegression(_Learning):
@@ -326,12 +362,12 @@ def describe_learning(learned: KernelRegression | StraightLine) -> dict[str, flo
 
 def _unfiltered(problem: SideslipEstimation, window: Window) -> Estimate:
     """Return the estimate of linear least squares for a run that was stopped before the filter ended."""
-    words = "stopped before the Kalman filter ended: the angles are those of linear regression"
+    words = "stopped before the filter ended: the angles are those of linear regression"
     line = _fit_line(problem, window)
     return line._replace(message="; ".join(filter(None, (words, line.message))))
 
 
-def _uncorrected(filtered: Estimate) -> Estimate:
-    """Return the Kalman filter's estimate for a run that was stopped before the training ended."""
-    words = "stopped before it had learned: the angles are the Kalman filter's"
+def _uncorrected(filtered: Estimate, base: SideslipBackend) -> Estimate:
+    """Return the estimate of the filter `base` for a run that was stopped before the training ended."""
+    words = f"stopped before it had learned: the angles are those of {base.name}"
     return filtered._replace(message="; ".join(filter(None, (words, filtered.message))))

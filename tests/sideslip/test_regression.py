@@ -25,7 +25,7 @@ VEHICLE = {
     "mass": 1500, "yaw_inertia": 2500, "front": 1.2, "rear": 1.5,
     "cornering_front": 8e4, "cornering_rear": 1e5,
 }  # fmt: skip
-LEARNING = ["grnn", "linear-regression", "kalman-grnn"]
+LEARNING = ["grnn", "linear-regression", "kalman-grnn", "smoother-grnn"]
 
 
 def drive(seed, samples=80, *, noise=1.0, period=0.05, curved=0.0, **fields):
@@ -358,7 +358,7 @@ def test_units_and_the_order_of_drives_change_nothing(name):
     first = estimate(name, problem(asked, training), **own).point
 
     def other(one):
-        if name == "kalman-grnn":  # the filter knows its units
+        if name in ("kalman-grnn", "smoother-grnn"):  # the filter knows its units
             return one
         factor = {"yaw_rate": 57.3, "lateral_acceleration": 1e-4}
         return replace(one, **{key: getattr(one, key) * by for key, by in factor.items()})

@@ -152,3 +152,24 @@ def test_size_of_errors_falls_with_the_speed():
 def test_scenarios_are_valid_recordings():
     for name in SCENARIOS:
         recording(name, more=True)
+
+
+@pytest.mark.parametrize("name", ["kalman-grnn", "smoother-grnn"])
+def test_names_a_constant_error_that_kinematics_does_not_show(name, monkeypatch):
+    steady = SCENARIOS["step-steer"]
+    heavy = replace(steady.car, mass=1.1 * steady.car.mass, inertia=1.1 * steady.car.inertia)
+    monkeypatch.setitem(SCENARIOS, "step-steer, heavy", replace(steady, car=heavy))
+    problem = model("step-steer, heavy")
+    result = answer(problem, name)
+    off = np.degrees(np.abs(result.point.sideslip - problem.truth))
+    assert problem.coverage(result.point) < 0.5 and off.max() < 0.6
+    assert "kinematics does not show a constant error: a mass 10 % above" in result.message
+    assert "would change the angle by up to 0." in result.message
+    straight = answer(model("highway"), name)
+    assert "constant error" not in straight.message
+
+
+@pytest.mark.parametrize("name", ["kalman-filter", "rts-smoother", "unscented-filter"])
+def test_deviations_cover_the_large_angles_of_parking(name):
+    problem = model("parking")
+    assert 0.9 <= problem.coverage(answer(problem, name).point) <= 0.98

@@ -354,19 +354,27 @@ def test_auto_chooses_the_filter_only_if_the_tyres_leave_their_linear_range():
     assert recommended(spin()).name == "unscented-filter"
     assert recommended(spin(drivers=3)).name == "unscented-filter"
     assert recommended(generate(drivers=0)).name == "rts-smoother"
-    assert recommended(generate(drivers=3)).name == "kalman-grnn"
+    assert recommended(generate(drivers=3)).name == "smoother-grnn"
     # Training drives show the same error of the vehicle: they are learned.
     wrong = {
         "road": "serpentine",
         "mismatch": {"mass": 1.3, "cornering_front": 0.7, "cornering_rear": 0.7},
     }
     assert recommended(generate(**wrong, drivers=0)).name == "unscented-filter"
-    assert recommended(generate(**wrong, drivers=3)).name == "kalman-grnn"
+    assert recommended(generate(**wrong, drivers=3)).name == "smoother-grnn"
+    # A bias that the training drives lack, and one that they have.
+    assert recommended(generate(bias=(0.01, 0.0), drivers=0)).name == "unscented-filter"
+    assert recommended(generate(bias=(0.01, 0.0), drivers=3)).name == "unscented-filter"
+    biased = generate(bias=(0.01, 0.0), drivers=3)
+    known = [
+        dataclasses.replace(drive, yaw_rate=drive.yaw_rate + 0.01) for drive in biased.training
+    ]
+    assert recommended(dataclasses.replace(biased, training=known)).name == "smoother-grnn"
 
 
 def test_the_contradiction_is_that_of_linear_tyres():
     calm, slow = kinematic(), kinematic(speed=4.0)
-    assert linear_contradiction(slow.vehicle, slow.recording) == 0.0
+    assert linear_contradiction(slow.vehicle, slow.recording) == (0.0, 0.0)
     drive, car = calm.recording, calm.vehicle
     slip = (
         car.cornering_front * drive.steering
@@ -378,7 +386,13 @@ def test_the_contradiction_is_that_of_linear_tyres():
         for k in range(len(slip) - 20)
     )
     # The kinematics of the drive is exact up to the trapezoidal rule.
-    assert linear_contradiction(car, drive) == pytest.approx(math.degrees(largest), rel=1e-3)
+    assert linear_contradiction(car, drive)[0] == pytest.approx(math.degrees(largest), rel=1e-3)
+    turned = dataclasses.replace(drive, yaw_rate=drive.yaw_rate + 0.01)
+    assert (
+        linear_contradiction(car, turned)[1]
+        > math.degrees(0.01) / 2
+        > linear_contradiction(car, drive)[1]
+    )
 
 
 # -- wild drives -------------------------------------------------------------------------------------

@@ -22,7 +22,7 @@ import crosstrack as ct  # noqa: E402
 from crosstrack.errors import InvalidData  # noqa: E402
 from crosstrack.instances.sideslip.drivers import FIXED, RANGES, Driver  # noqa: E402
 from crosstrack.instances.sideslip.generator import generate  # noqa: E402
-from crosstrack.instances.sideslip.listing import _WILD as WILD, MISMATCH  # noqa: E402
+from crosstrack.instances.sideslip.listing import MISMATCH  # noqa: E402
 from crosstrack.models import SideslipEstimation  # noqa: E402
 from crosstrack.solvers import Request, find_backend  # noqa: E402
 
@@ -130,28 +130,6 @@ def estimators() -> None:
     store("claims", "drive", dict.fromkeys(NAMES, ".0%"), rows, said)
 
 
-def recommendation() -> None:
-    """Write the ratio of each estimator's error to the smallest one, over the scenarios of the catalogue."""
-    cases: dict[str, dict[str, Any]] = {
-        **{name: dict(fields) for name, _, fields in WILD if name not in ("long", "unknown", "untrained")},
-        **{road: {"road": road} for road in ROADS},
-        **{f"{road}-mismatch": {"road": road, "mismatch": MISMATCH} for road in ROADS},
-        "lane-change, one drive to learn from, mismatch": {"drivers": 1, "mismatch": MISMATCH},
-        "lane-change, mass believed 10 % too large": {"mismatch": {"mass": 1.1}},
-    }  # fmt: skip
-    errors = np.array(
-        [np.median(figures(seeded(FEW, **one))[..., 0], axis=0) for one in cases.values()]
-    )
-    ratios = errors / errors.min(axis=1, keepdims=True)
-    rows: list[list[Any]] = [[name, *row, FEW] for name, row in zip(cases, errors, strict=True)]
-    rows.append(
-        ["geometric mean of the ratio to the best", *np.exp(np.log(ratios).mean(axis=0)), None]
-    )
-    rows.append(["largest ratio to the best", *ratios.max(axis=0), None])
-    said = "Mean error in degrees, median over the seeds. The recommended estimator has the smallest geometric mean of the ratio to the best."
-    store("recommendation", "drive", {**dict.fromkeys(NAMES, ".4f"), "seeds": "d"}, rows, said)
-
-
 def spins() -> None:
     """Write the coverage of the claims in spins that were not used to choose the constants of the gates."""
     models = []
@@ -253,7 +231,6 @@ def mismatch() -> None:
 
 if __name__ == "__main__":
     estimators()
-    recommendation()
     spins()
     learning()
     mismatch()

@@ -129,16 +129,17 @@ def rule() -> None:
         SPIN: SPUN,
     }  # fmt: skip
     rows: list[list[Any]] = []
-    names = ("rts-smoother", NAME, "kalman-grnn")
+    names = ("rts-smoother", NAME, "smoother-grnn")
     for label, fields in cases.items():
         models = list(
             seeded(2 if label == SPIN else FEW, **fields)
         )  # other seeds of it turn beyond 90°
         bare = [_untrained(model) for model in models]
         errors = np.median(figures(models, names)[..., 0], axis=0)
-        here = [linear_contradiction(model.vehicle, model.recording) for model in models]
+        here = [linear_contradiction(model.vehicle, model.recording)[0] for model in models]
         known = [
-            max(linear_contradiction(model.vehicle, d) for d in model.training) for model in models
+            max(linear_contradiction(model.vehicle, d)[0] for d in model.training)
+            for model in models
         ]
         rows.append(
             [
@@ -152,7 +153,7 @@ def rule() -> None:
         )
     for label, model in _tracks().items():
         errors = figures([model], names[:2])[0, :, 0]
-        here = linear_contradiction(model.vehicle, model.recording)
+        here = linear_contradiction(model.vehicle, model.recording)[0]
         rows.append([label, here, None, None, _chosen([model]), *errors, None])
     columns = {
         "contradiction, °": ".2f",
