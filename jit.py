@@ -135,6 +135,11 @@ class Kernel:
         self._ready = False
         update_wrapper(self, function)
 
+    @property
+    def is_compiled(self) -> bool:
+        """Whether the next call runs compiled."""
+        return self._ready
+
     def __call__(self, *arguments: Any) -> Any:
         """Run the loop; kernels called by a kernel run in the mode of their caller."""
         deadline = _here.deadline

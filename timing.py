@@ -7,7 +7,7 @@ reports the compiling.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from time import perf_counter
 
@@ -19,6 +19,7 @@ __all__ = [
     "clock",
     "current_limit",
     "current_watchers",
+    "stop_if",
     "watched",
     "within",
 ]
@@ -31,7 +32,13 @@ _spent = 0.0
 
 
 class OutOfTime(Exception):
-    """An interpreted kernel has reached the wall-clock limit of its run."""
+    """A computation was stopped by the limit of its run."""
+
+
+def stop_if(flag: Sequence[int] | None) -> None:
+    """Raise :class:`OutOfTime` if the stop flag of a run is set; None is no flag."""
+    if flag is not None and flag[0]:
+        raise OutOfTime
 
 
 class Limit:

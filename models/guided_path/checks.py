@@ -33,24 +33,23 @@ def verify_tour(model: GuidedPathData, plan: GuidedPathPlan, tolerance: float) -
     check_entries("vehicles", plan.vehicles, 0, fleet - 1, "vehicles")
     times = np.bincount(np.array(plan.order, int), minlength=model.size)[1:]
     wrong = np.flatnonzero(times != 1)
-    first: dict[int, int] = {}
-    for stop, customer in enumerate(plan.order):
-        first.setdefault(customer, stop)
-    broken = [
-        (before, after)
-        for before, after in model.pairs
-        if before in first and after in first and first[before] >= first[after]
-    ]
+    first = np.full(model.size, len(plan.order))
+    first[np.array(plan.order[::-1], int)] = np.arange(len(plan.order))[::-1]
+    pairs = np.array(model.pairs, int).reshape(-1, 2)
+    before, after = first[pairs].T
+    broken = pairs[(before >= after) & (before < len(plan.order))].tolist()
     label = model.label
     served = [f"customer {label(int(k) + 1)}" for k in wrong]
-    pairs = [f"{label(before)} before {label(after)}" for before, after in broken]
-    checks = [Check.count("each customer served once", served), Check.count("precedence", pairs)]
+    checks = [
+        Check.count("each customer served once", served),
+        Check.count("precedence", [f"{label(a)} before {label(b)}" for a, b in broken]),
+    ]
     walk = walk_of(model, plan)
     if fleet:
         split = [
             f"chain {k}"
             for k, chain in enumerate(model.chains)
-            if len({plan.vehicles[first[c]] for c in chain if c in first}) > 1
+            if len({plan.vehicles[first[c]] for c in chain if first[c] < len(plan.order)}) > 1
         ]
         checks.append(Check.count("chain served by one vehicle", split))
     if model.loads is not None:

@@ -17,7 +17,7 @@ from ..inputs import Field, FloatArray, FloatsOrNone, Names, Numbers
 from ..labels import Ids
 from ..model import Model
 from .plan import GuidedPathPlan
-from .relation import Chains, chain_cover, closure_of, joined_chains, sorted_customers
+from .relation import Chains, chain_cover, closure_of, joined_chains, listed_pairs, sorted_customers
 from .track import End, Track, TrackSpec
 
 __all__ = ["MOST", "MOST_DENSE", "GuidedPathData"]
@@ -96,14 +96,14 @@ class GuidedPathData(Model[GuidedPathPlan]):
                         f"{name}: customer {customer} must be in the chain once", field="chains"
                     )
                 seen.add(customer)
-        for row, (before, after) in enumerate(self.precedence.tolist()):
-            for column, customer in enumerate((before, after)):
-                if not column <= customer < self.size:
-                    raise InvalidData(
-                        f"precedence[{row}, {column}] must lie in {column} … {self.size - 1}, got "
-                        f"{customer}",
-                        field="precedence",
-                    )
+        for row, column in np.argwhere((self.precedence < [0, 1]) | (self.precedence >= self.size))[
+            :1
+        ].tolist():
+            raise InvalidData(
+                f"precedence[{row}, {column}] must be in {column} … {self.size - 1}, got "
+                f"{self.precedence[row, column]}",
+                field="precedence",
+            )
         # Computed here because it rejects cycles.
         _ = self.sorted_customers
 
@@ -130,9 +130,20 @@ class GuidedPathData(Model[GuidedPathPlan]):
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """Direct precedence pairs of chains and precedence, without duplicates and sorted."""
-        links = itertools.chain.from_iterable(map(itertools.pairwise, self.chains))
-        given = map(tuple, self.precedence.tolist())
-        return tuple(sorted({(a, b) for a, b in (*links, *given) if a}))
+        links = [pair for chain in self.chains for pair in itertools.pairwise(chain)]
+        every = np.concatenate([np.array(links, np.int64).reshape(-1, 2), self.precedence])
+        before, after = np.divmod(np.unique(every @ [self.size, 1]), self.size)
+        return tuple(zip(before[before > 0].tolist(), after[before > 0].tolist(), strict=True))
+
+    @cached_property
+    def before(self) -> list[list[int]]:
+        """Direct predecessors of each customer in ascending order; entry 0 is empty."""
+        return listed_pairs(self.size, ((b, a) for a, b in self.pairs))
+
+    @cached_property
+    def after(self) -> list[list[int]]:
+        """Direct successors of each customer in ascending order; entry 0 is empty."""
+        return listed_pairs(self.size, self.pairs)
 
     @cached_property
     def sorted_customers(self) -> tuple[int, ...]:

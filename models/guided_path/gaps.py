@@ -102,18 +102,12 @@ class Gaps:
     @cached_property
     def before(self) -> list[list[int]]:
         """Direct predecessors of each customer; [0], the start, if it has none."""
-        lists: list[list[int]] = [[] for _ in range(self.model.size)]
-        for entry, other in self.model.pairs:
-            lists[other].append(entry)
-        return [entry or [0] for entry in lists]
+        return [entry or [0] for entry in self.model.before]
 
     @cached_property
     def after(self) -> list[list[int]]:
         """Direct successors of each customer; [0], the start, if it has none."""
-        lists: list[list[int]] = [[] for _ in range(self.model.size)]
-        for entry, other in self.model.pairs:
-            lists[entry].append(other)
-        return [entry or [0] for entry in lists]
+        return [entry or [0] for entry in self.model.after]
 
     def between(self, one: int, other: int) -> NDArray[np.bool_]:
         """Return a mask of the gaps between two places."""

@@ -44,23 +44,38 @@ def sorted_customers(size: int, pairs: Iterable[tuple[int, int]]) -> tuple[int, 
 
     Raise :class:`InvalidData` with the cycle if the relation has one.
     """
-    sorter = TopologicalSorter(dict.fromkeys(range(1, size), ()))
-    for before, after in pairs:
-        sorter.add(after, before)
-    try:
-        sorter.prepare()
-    except CycleError as error:
-        cycle = " -> ".join(map(str, error.args[1]))
-        raise InvalidData(
-            f"precedence must have no cycle, got {cycle}: each must precede the next",
-            field="precedence",
-        ) from None
+    pairs = list(pairs)
+    after, before = listed_pairs(size, pairs), listed_pairs(size, ((b, a) for a, b in pairs))
+    missing = list(map(len, before))
     order: list[int] = []
-    while sorter.is_active():
-        ready = sorted(sorter.get_ready())
+    ready = [c for c in range(1, size) if not missing[c]]
+    while ready:
         order += ready
-        sorter.done(*ready)
+        free = []
+        for c in ready:
+            for other in after[c]:
+                missing[other] -= 1
+                if not missing[other]:
+                    free.append(other)
+        ready = sorted(free)
+    if len(order) < size - 1:
+        try:  # the library takes four times as long, but names the cycle
+            TopologicalSorter(dict(enumerate(before))).prepare()
+        except CycleError as error:
+            cycle = " -> ".join(map(str, error.args[1]))
+            raise InvalidData(
+                f"precedence must have no cycle, got {cycle}: each must precede the next",
+                field="precedence",
+            ) from None
     return tuple(order)
+
+
+def listed_pairs(size: int, pairs: Iterable[tuple[int, int]]) -> list[list[int]]:
+    """Return the second entries of the pairs with each first entry, in the given order."""
+    lists: list[list[int]] = [[] for _ in range(size)]
+    for first, second in pairs:
+        lists[first].append(second)
+    return lists
 
 
 def closure_of(size: int, pairs: Iterable[tuple[int, int]], order: Sequence[int]) -> Truths:

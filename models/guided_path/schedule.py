@@ -132,9 +132,6 @@ def _times(
     begin[0] = opens[0]
     leave[0] = begin[0] + takes[0]
     first = {stop: row for row, stop in reversed(list(enumerate(order))) if row < rows - 1}
-    before: dict[int, list[int]] = {}
-    for a, b in model.pairs if starts is not None else ():
-        before.setdefault(b, []).append(a)
     for row in range(1, rows):
         stop, last = order[row], row == rows - 1
         if starts is None:
@@ -153,7 +150,7 @@ def _times(
                 apart[others == k] = np.abs(apart[others == k])
                 bound = (apart > 0) | (others == k)
                 begin[row] = np.max(since[bound] + apart[bound] / speed, initial=begin[row])
-            pairs = [first[a] for a in before.get(stop, ()) if first.get(a, rows) < row]
+            pairs = [first[a] for a in model.before[stop] if first.get(a, rows) < row]
             begin[row] = np.max(leave[pairs], initial=begin[row])
         if not last:
             begin[row] = max(begin[row], opens[stop])

@@ -4,7 +4,8 @@ Serving an available customer when passing it is always optimal. A state is ther
 the number of customers served in each chain, and it has at most two successors: the nearest
 available customer to the left and to the right. A* expands states by the bound of :mod:`.bound`, in
 buckets. A beam search with the same bound provides the first incumbent. Wider beams and merges of its chains
-(:mod:`.chain_search`) improve it from time to time.
+(:mod:`.chain_search`) improve it from time to time. Large models alternate merges with the ascent of the bound by shares
+(:mod:`.shares`) before they expand states.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
-from ...jit import clock
+from ...jit import OutOfTime, clock
+from ...models.guided_path.data import GuidedPathData
 from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
@@ -35,7 +37,7 @@ from ..contract.backend import (
 from . import search_kernels as kernels
 from .beam_kernels import beam
 from .bound import SAFE, Tables, needs_of
-from .chain_search import ChainRounds, merged_starts
+from .chain_search import CHUNK as MERGED, ChainRounds, merged_starts
 from .dynamic_programming import DynamicProgramming
 from .share_kernels import Shares
 from .shares import no_shares, shares_of
@@ -72,8 +74,8 @@ ROOM, TRACE, POOL = 16, 200_000_000, 400_000_000
 HARD = 60_000
 #: Expansions of the search per expansion of the beams.
 SHARE = 3
-#: Numbers of relevant customers above which the search begins with the paper's heuristics, and with merges
-#: of chains before the first beam.
+#: Numbers of relevant customers above which the search begins with merges and heuristics without a time limit, and
+#: improves the tour before the first beam.
 LARGE, MANY = 60, 300
 
 
@@ -110,7 +112,10 @@ class AStar(Backend):
         begin = clock()
         self.require_support(problem)
         search = _Search(problem, request)
-        search.solve()
+        try:
+            search.solve()
+        except OutOfTime:  # before the tables were complete
+            request.control.stop(Limit.TIME)
         limit = None if search.proven else request.control.reason or search.limit
         return Answer(
             Termination.OPTIMAL if search.proven else Termination.FEASIBLE,
@@ -126,6 +131,10 @@ class AStar(Backend):
 class _Search:
     """Search on one model: tables, states and incumbent."""
 
+    small: GuidedPathData
+    tables: Tables
+    kept: list[int]
+
     def __init__(self, model: GuidedPathTour, request: Request) -> None:
         self.model, self.request, self.control = model, request, request.control
         self.plan: GuidedPathPlan | None = None
@@ -133,24 +142,26 @@ class _Search:
         self.offer(model.sorted_customers)
         if request.warm_start is not None:
             self.offer(request.warm_start.order)
-        self.small, numbers = reduced(model)
+        self.info = np.zeros(5, np.int64)
+        self.root = self.least = self.merged_value = self.width = 0
+        self.limit: Limit | None = None
+        self.rounds: ChainRounds | None = None
+        self.ready = self.ended = False
+        self.owed = 0.0
+
+    def prepare(self) -> None:
+        """Start with merges of chains and compute the tables, which take half a second for 20,000 customers."""
+        flag = self.control.flag
+        self.small, numbers = reduced(self.model, flag=flag)
         self.large = self.small.size - 1 > MANY
-        if (
-            self.small.size - 1 > LARGE
-        ):  # before the tables, which take half a second for 20,000 customers
-            for plan in merged_starts(model, request):
-                self.offer(plan.order)
-        self.tables = tables = Tables.of(self.small)
+        if self.small.size - 1 > LARGE or self.request.time_limit is not None:
+            for stops in merged_starts(self.model, self.request):
+                self.offer(stops)
+        self.tables = tables = Tables.of(self.small, flag)
         self.kept = [numbers[c] for c in tables.customers.tolist()]
         #: A customer at each place.
         self.visitors = dict(zip(tables.place[:-1].tolist(), self.kept, strict=True))
-        self.info = np.zeros(5, np.int64)
-        self.root = self.least = 0
-        self.limit: Limit | None = None
-        self.rounds: ChainRounds | None = None
-        self.merged_value = 0
-        self.width, self.widest = 0, self._widest()
-        self.ended = False
+        self.widest, self.ready = self._widest(), True
 
     def take(self, shares: Shares) -> None:
         """Add these shares to the bound of the states."""
@@ -158,10 +169,14 @@ class _Search:
         counts = np.zeros(tables.first.size - 1, np.int64)
         scratch = np.empty(tables.wide.size, np.int16)
         self.root = int(least_rest(tables, shares, counts, int(tables.place[-1]), scratch))
+        self.least = max(self.least, min(self.root, self.best))
+        self.control.bound = self.bound
 
     @property
     def bound(self) -> float:
         """Lower bound on the length of every tour proven so far, in m."""
+        if not self.ready:
+            return 0.0
         if self.ended and self.tables.exact:
             return self.value
         return self.least * self.tables.unit * (1.0 if self.tables.exact else 1.0 - SAFE)
@@ -180,6 +195,8 @@ class _Search:
 
     def statistics(self) -> dict[str, float | int | str]:
         """Return the statistics of the search."""
+        if not self.ready:
+            return {}
         return {
             "chains": len(self.tables.first) - 1,
             "customers that matter": len(self.tables.customers),
@@ -192,10 +209,10 @@ class _Search:
 
     def solve(self) -> None:
         """Search until the incumbent is proven or a limit is reached."""
+        self.prepare()
         assert self.plan is not None
         self.start(self.plan.order)
         self.take(no_shares(self.tables))
-        self.least = self.root
         if self.large and not (self.over or self._tabulate()):
             self.merge()
         self.look()
@@ -203,10 +220,11 @@ class _Search:
             start = np.array([[*[0] * (len(self.tables.first) - 1), self.tables.place[-1]]])
             samples = start if self.large else self.search(EARLY)
             if not self.over and self.limit is None:
-                shares = shares_of(self.tables, self.best, samples, self.control.flag)
+                between = self.alternate if self.large else None
+                shares = shares_of(self.tables, self.best, samples, self.control.flag, between)
                 if shares is not None:
                     self.take(shares)
-                if shares is not None or self.large:
+                if (shares is not None or self.large) and not self.over:
                     self.search(FOREVER)
         while not self.over and (self.merge() or self.look()):
             self.limit = self.limit or Limit.MEMORY
@@ -227,7 +245,7 @@ class _Search:
         """Continue the search by merges of chains; return False if it has settled."""
         if self.rounds is None:
             try:
-                need = needs_of(self.small, self.small.cover)
+                need = needs_of(self.small, self.small.cover, flag=self.control.flag)
             except UnsupportedFormulation:
                 return False
             self.rounds = ChainRounds(self.tables, need, self._order(), self.request.seed)
@@ -241,6 +259,15 @@ class _Search:
             self.offer([self.kept[i] for i in self.rounds.best.tolist()])
         self.merged_value = value
         return True
+
+    def alternate(self, bound: int, work: float) -> bool:
+        """Store a bound of the shares, and merge chains for as many states; return whether the search is over."""
+        self.least = max(self.least, min(bound, self.best))
+        self.control.bound = self.bound
+        self.owed += work
+        while self.owed >= MERGED and not self.over:
+            self.owed = self.owed - MERGED if self.merge() else 0.0
+        return self.over
 
     def _order(self) -> Ints:
         """Return the incumbent as positions in the tables."""
@@ -315,8 +342,9 @@ class _Search:
         keys, costs = np.empty((room, words), np.int64), np.empty((room, 2), np.int64)
         parents, links = np.empty(room, np.int32), np.empty((room, 2), np.int32)
         table = np.empty(1 << (2 * room - 1).bit_length(), np.int32)
-        width = (self.best - self.root) // BUCKETS + 1
-        buckets = np.empty((self.best - self.root) // width + 1, np.int32)
+        span = max(self.best - self.root, 0)
+        width = span // BUCKETS + 1
+        buckets = np.empty(span // width + 1, np.int32)
         status = None
         chunk = int(
             np.clip(SCANNED // (self.tables.first.size * self.tables.wide.size + 1), 20, CHUNK)

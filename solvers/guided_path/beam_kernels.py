@@ -156,12 +156,12 @@ def beam(
     trace[0, 0], trace[0, 1] = -1, here
     entries, last, left = 1, -1, 0
     for layer in range(served, total):
-        if flag[0] != 0:
-            return best, last, left + 1
         head = _distinct(int(heads[layer]), keys, costs, after, table, free)
         low, step, limit, quota = _limit(head, costs, after, width, tally)
         state = head
         while state >= 0:
+            if flag[0] != 0:
+                return best, last, left + 1
             following = int(after[state])
             way, reached, group = costs[state, 0], costs[state, 2], (costs[state, 1] - low) // step
             useful, bound = costs[state, 1] < best, costs[state, 3]

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
 from ...models.guided_path.data import GuidedPathData
+from ...models.guided_path.walks import Flag
+from ...timing import stop_if
 
 __all__ = ["MOST_NEEDS", "SAFE", "Tables", "needs_of", "whole_lengths"]
 
@@ -128,8 +130,8 @@ class Tables(NamedTuple):
     exact: bool
 
     @classmethod
-    def of(cls, model: GuidedPathData) -> Tables:
-        """Return the tables of `model`."""
+    def of(cls, model: GuidedPathData, flag: Flag = None) -> Tables:
+        """Return the tables of `model`; raise :class:`OutOfTime` if `flag` is set."""
         chains = model.cover
         customers = np.array([c for chain in chains for c in chain], np.int64)
         first = np.cumsum([0, *map(len, chains)])
@@ -137,7 +139,7 @@ class Tables(NamedTuple):
         number[customers] = np.arange(customers.size)
         places, place = np.unique(model.coordinates, return_inverse=True)
         length, unit, exact = whole_lengths(places)
-        needs, needed = _needs(model, first, number)
+        needs, needed = _needs(model, first, number, flag)
         fields, words = _fields([*map(len, chains), places.size - 1])
         where = np.append(place[customers], place[0])
         at = np.append(0, np.cumsum(length))
@@ -145,7 +147,7 @@ class Tables(NamedTuple):
         ends = np.union1d(ends, where[-1:])
         group = np.searchsorted(ends, np.arange(at.size))
         over = at[ends][group] - at
-        crossings = _crossings(model, number, where, group, np.isin(np.arange(at.size), ends))
+        crossings = _crossings(model, number, where, group, np.isin(np.arange(at.size), ends), flag)
         return cls(
             customers, first, where, length, at, np.diff(at[ends]), group, over, crossings,
             _changes(crossings, first), needs, needed, fields, words, unit, exact,
@@ -158,7 +160,11 @@ class Tables(NamedTuple):
 
 
 def needs_of(
-    model: GuidedPathData, chains: Sequence[Sequence[int]], *, plain: bool = False
+    model: GuidedPathData,
+    chains: Sequence[Sequence[int]],
+    *,
+    plain: bool = False,
+    flag: Flag = None,
 ) -> NDArray[np.int32]:
     """Return how many customers of each chain must be served before each customer.
 
@@ -170,6 +176,8 @@ def needs_of(
         Disjoint chains of customers.
     plain : bool
         Whether to return the table even if no pair relates two chains.
+    flag : ndarray of int8, shape (1,), optional
+        Stop flag, nonzero to stop.
 
     Returns
     -------
@@ -180,6 +188,8 @@ def needs_of(
     ------
     UnsupportedFormulation
         The table would have more than `MOST_NEEDS` entries.
+    OutOfTime
+        `flag` stopped it.
     """
     owner = {c: (k, place) for k, chain in enumerate(chains) for place, c in enumerate(chain)}
     links = [(owner.get(a, (-1, 0))[0], owner.get(b, (-1, 0))[0]) for a, b in model.pairs]
@@ -190,12 +200,10 @@ def needs_of(
             f"pairs between chains of {model.size - 1} customers and {len(chains)} chains need a table of at "
             f"most {MOST_NEEDS} entries"
         )
-    before: list[list[int]] = [[] for _ in range(model.size)]
-    for entry, other in model.pairs:
-        before[other].append(entry)
     need = np.zeros((model.size, len(chains)), np.int32)
     for c in model.sorted_customers:
-        for entry in before[c]:
+        stop_if(flag)
+        for entry in model.before[c]:
             np.maximum(need[c], need[entry], out=need[c])
             k, place = owner.get(entry, (-1, 0))
             if k >= 0:
@@ -203,19 +211,18 @@ def needs_of(
     return need[[c for chain in chains for c in chain]]
 
 
-def _needs(model: GuidedPathData, first: Ints, number: Ints) -> tuple[Ints, Ints]:
+def _needs(model: GuidedPathData, first: Ints, number: Ints, flag: Flag) -> tuple[Ints, Ints]:
     """Return the requirements of each customer in other chains, without those implied by its chain."""
-    before: list[list[tuple[int, int]]] = [[] for _ in range(model.size - 1)]
-    chain = np.searchsorted(first, np.arange(model.size - 1), side="right") - 1
-    for entry, other in model.pairs:
-        a, b = int(number[entry]), int(number[other])
-        if chain[a] != chain[b]:
-            before[b].append((int(chain[a]), a - int(first[chain[a]]) + 1))
-    starts, rows = [0], list[tuple[int, int]]()
+    chain = np.repeat(np.arange(first.size - 1), np.diff(first)).tolist()
+    places = (np.arange(model.size - 1) - first[chain] + 1).tolist()
+    numbers, starts, rows = number.tolist(), [0], list[tuple[int, int]]()
     known: dict[int, int] = {}
-    for b, needed in enumerate(before):
-        if b == first[chain[b]]:
+    for b, c in enumerate((np.argsort(number[1:]) + 1).tolist()):
+        stop_if(flag)
+        if places[b] == 1:
             known = {}
+        before = [numbers[entry] for entry in model.before[c]]
+        needed = [(chain[a], places[a]) for a in before if chain[a] != chain[b]]
         for k, count in sorted(needed, reverse=True):
             if known.get(k, 0) < count:
                 known[k] = count
@@ -237,17 +244,20 @@ def _fields(most: list[int]) -> tuple[Ints, int]:
 
 
 def _crossings(
-    model: GuidedPathData, number: Ints, place: Ints, group: Ints, ends: NDArray[np.bool_]
+    model: GuidedPathData,
+    number: Ints,
+    place: Ints,
+    group: Ints,
+    ends: NDArray[np.bool_],
+    flag: Flag,
 ) -> NDArray[np.int16]:
-    after: list[list[int]] = [[] for _ in range(model.size)]
-    for entry, other in model.pairs:
-        after[entry].append(int(number[other]))
     groups = int(group[-1])
     crossings = np.zeros((model.size - 1, groups), np.int16)
     for c in reversed(model.sorted_customers):
+        stop_if(flag)
         row = crossings[number[c]]
         here = int(place[number[c]])
-        for other in (*after[c], -1):
+        for other in (*number[model.after[c]].tolist(), -1):
             # The start has the last index, and no crossings follow it.
             way = crossings[other].copy() if other >= 0 else np.zeros(groups, np.int16)
             low, high = sorted((here, int(place[other])))

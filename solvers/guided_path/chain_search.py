@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
-from ...jit import clock
+from ...jit import OutOfTime, clock
 from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
@@ -33,7 +33,8 @@ from ..contract.backend import (
 )
 from .bound import Tables, needs_of
 from .chain_kernels import merge_again
-from .insertion import Greedy, InsertIndex, InsertNearest
+from .insertion import ChainLists
+from .insertion_kernels import merge_by_index, merge_nearest, merge_walks, visit_nearest
 
 __all__ = ["ChainRounds", "ChainSearch", "merged_starts"]
 
@@ -41,6 +42,8 @@ Ints = NDArray[np.int64]
 
 #: States of all merges in the first round, per customer; growth factor per round.
 FIRST, GROWTH = 4000, 2
+#: Number of random orders of the chains that are merged at the start.
+ORDERS = 5
 #: States of all merges after which a round reports its tour.
 CHUNK = 40_000_000
 #: Accepted increase at the beginning of a round, relative to the length of the tour.
@@ -49,13 +52,47 @@ HEAT = 3e-4
 STALE = 6
 
 
-def merged_starts(model: GuidedPathTour, request: Request) -> Iterator[GuidedPathPlan]:
-    """Yield the tours of the paper's heuristics, as far as time and the memory for relations permit."""
-    for backend in (Greedy(), InsertIndex(), InsertNearest()):
-        with suppress(UnsupportedFormulation):
-            answer = request.within(backend, model, options={"passing": True})
-            if answer.point is not None:
-                yield answer.point
+def merged_starts(model: GuidedPathTour, request: Request) -> Iterator[list[int]]:
+    """Yield stops of tours by merges and the paper's heuristics, as far as time and memory permit.
+
+    Merges of unrelated chains store only the turns of the walk, which takes a fraction of the time of the paper's
+    heuristics. Several orders of the chains are merged in this way before these start. A kernel that must be compiled
+    first comes last.
+    """
+    parts = [_merged_walks(model, request), _heuristics(model, request)]
+    if merge_nearest.is_compiled and not merge_walks.is_compiled:
+        parts.reverse()
+    return itertools.chain(*parts)
+
+
+def _merged_walks(model: GuidedPathTour, request: Request) -> Iterator[list[int]]:
+    """Yield the turns of merged walks, each shorter than the ones before; none if pairs relate the chains."""
+    small, numbers = reduced(model, flag=request.control.flag)
+    sizes = np.array(list(map(len, small.cover)))
+    if len(small.pairs) != small.size - 1 - sizes.size or sizes.size == 1:
+        return
+    members = np.array([c for chain in small.cover for c in chain], np.int64)
+    starts, walk = np.cumsum([0, *sizes]), np.empty(members.size, np.int64)
+    draw, best = np.random.default_rng(request.seed or 0), math.inf
+    random = (draw.permutation(sizes.size) for _ in range(ORDERS))
+    firsts = (np.empty(0, np.int64), np.arange(sizes.size), np.argsort(-sizes, kind="stable"))
+    for order in itertools.chain(firsts, random):
+        count = merge_walks(small.coordinates, members, starts, order, walk, request.control.flag)
+        if count < 0:
+            raise OutOfTime
+        stops = walk[:count].tolist()
+        if (length := length_of(small, stops)) < best:
+            best = length
+            yield [numbers[c] for c in stops]
+
+
+def _heuristics(model: GuidedPathTour, request: Request) -> Iterator[list[int]]:
+    """Yield the orders of the paper's heuristics; none if the relation exceeds their memory."""
+    flag = request.control.flag
+    with suppress(UnsupportedFormulation):
+        lists = ChainLists.of(model, flag)
+        for loop in (visit_nearest, merge_nearest, merge_by_index):
+            yield lists.numbers[lists.order(loop, flag)].tolist()
 
 
 class ChainRounds:
@@ -139,34 +176,15 @@ class ChainSearch(Backend):
         """Improve the tours of Algorithm 6 and return the answer."""
         begin, control = clock(), request.control
         self.require_support(problem)
-        starts = [problem.sorted_customers]
-        if request.warm_start is not None:
-            starts.append(request.warm_start.order)
-        plans = (GuidedPathPlan(served(problem, order)) for order in starts)
-        value = math.inf
-        # A limit may end the run in any of the heuristics.
-        for start in itertools.chain(plans, merged_starts(problem, request)):
-            if (length := length_of(problem, start.order)) < value:
-                plan, value = start, length
-                control.incumbent(value, plan)
-        rounds, members, best = None, list[int](), math.inf
-        while not (control.stopped or request.left() == 0.0):
-            if rounds is None:
-                small, numbers = reduced(problem)
-                tables = Tables.of(small)
-                members = [numbers[c] for c in tables.customers.tolist()]
-                position = {c: i for i, c in enumerate(members)}
-                order = np.array([position[c] for c in plan.order if c in position], np.int64)
-                rounds = ChainRounds(tables, needs_of(small, small.cover), order, request.seed)
-            if rounds.settled or rounds.rounds >= request.options["rounds"]:
-                break
-            length = rounds.improve(control.flag)
-            if length < best:
-                best = length
-                found = served(problem, [members[i] for i in rounds.best.tolist()])
-                if length_of(problem, found) < value:
-                    plan, value = GuidedPathPlan(found), length_of(problem, found)
+        plan, value, rounds = GuidedPathPlan(()), math.inf, 0
+        try:
+            for order, done in _orders(problem, request):
+                rounds = done
+                if order and (length := length_of(problem, order)) < value:
+                    plan, value = GuidedPathPlan(order), length
                     control.incumbent(value, plan)
+        except OutOfTime:
+            control.stop(Limit.TIME)
         limit = control.reason or (Limit.TIME if request.left() == 0.0 else None)
         return Answer(
             Termination.FEASIBLE,
@@ -174,5 +192,31 @@ class ChainSearch(Backend):
             plan,
             value,
             seconds={"solve": clock() - begin},
-            statistics={"rounds": 0 if rounds is None else rounds.rounds},
+            statistics={"rounds": rounds},
         )
+
+
+def _orders(model: GuidedPathTour, request: Request) -> Iterator[tuple[tuple[int, ...], int]]:
+    """Yield service orders, or () for no change, and the number of complete rounds, until a limit is reached."""
+    flag = request.control.flag
+    given = [] if request.warm_start is None else [request.warm_start.order]
+    best, least = (), math.inf
+    starts = itertools.chain([model.sorted_customers], given, merged_starts(model, request))
+    for stops in starts:
+        order = served(model, stops)
+        yield order, 0
+        if (length := length_of(model, order)) < least:
+            best, least = order, length
+    small, numbers = reduced(model, flag=flag)
+    tables = Tables.of(small, flag)
+    members = [numbers[c] for c in tables.customers.tolist()]
+    position = {c: i for i, c in enumerate(members)}
+    start = np.array([position[c] for c in best if c in position], np.int64)
+    rounds = ChainRounds(tables, needs_of(small, small.cover, flag=flag), start, request.seed)
+    while not rounds.settled and rounds.rounds < request.options["rounds"]:
+        if request.control.stopped or request.left() == 0.0:
+            return
+        former = rounds.value
+        same = rounds.improve(flag) == former
+        found = [] if same else [members[i] for i in rounds.best.tolist()]
+        yield served(model, found) if found else (), rounds.rounds

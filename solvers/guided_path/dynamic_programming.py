@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
-from ...jit import clock
+from ...jit import OutOfTime, clock
 from ...models.guided_path.data import GuidedPathData
 from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
@@ -151,6 +152,7 @@ class DynamicProgramming(Backend):
         begin = clock()
         if reason := name_unsupported(problem):
             raise UnsupportedFormulation(f"backend {self.name!r} does not cover {reason}")
+        flag = request.control.flag
         small, numbers = reduced(problem, passing=request.options["passing"])
         reason = _too_large(small.cover)
         if reason:
@@ -158,10 +160,11 @@ class DynamicProgramming(Backend):
         table = Table.of(small)
         bound: float | None = None
         if request.time_limit is not None and table.states * len(table.chains) > LARGE:
-            tables = Tables.of(small)
-            bound = tables.root() * tables.unit * (1.0 - SAFE)
-            request.control.prove(bound)
-        values = table.filled(request.control.flag)
+            with suppress(OutOfTime):
+                tables = Tables.of(small, flag)
+                bound = tables.root() * tables.unit * (1.0 - SAFE)
+                request.control.prove(bound)
+        values = table.filled(flag)
         statistics = {
             "customers left out": problem.size - small.size,
             "states": table.states,

@@ -82,13 +82,10 @@ def _late(model: GuidedPathTour) -> Iterator[Finding]:
     begin = np.maximum(
         model.windows[:, 0], model.windows[0, 0] + takes[0] + ways[tables.homes, :size].min(axis=0)
     )
-    before: dict[int, list[int]] = {}
-    for a, b in model.pairs:
-        before.setdefault(b, []).append(a)
     for c in model.sorted_customers:
         # Another vehicle may serve the predecessor.
         way = ways if tables.fleet == 1 else np.zeros_like(ways)
-        begin[c] = max([begin[c], *(begin[a] + takes[a] + way[a, c] for a in before.get(c, ()))])
+        begin[c] = max([begin[c], *(begin[a] + takes[a] + way[a, c] for a in model.before[c])])
         if begin[c] > tables.limits[c]:
             yield Finding(
                 f"customer {model.label(c)} cannot be served before {begin[c]:.6g} s, its latest time is "

@@ -13,16 +13,18 @@ pairs always exists.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from contextlib import suppress
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...jit import clock
+from ...jit import OutOfTime, clock
 from ...models.guided_path.data import GuidedPathData
 from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
-from ...models.guided_path.walks import length_of, passed, reduced, served
+from ...models.guided_path.walks import Flag, length_of, passed, reduced, served
 from ..contract.backend import (
     Answer,
     Backend,
@@ -36,7 +38,9 @@ from ..contract.backend import (
 from .bound import needs_of
 from .insertion_kernels import merge_by_index, merge_nearest, visit_nearest
 
-__all__ = ["ChainBackend", "Greedy", "InsertIndex", "InsertNearest", "ordered_chains"]
+__all__ = ["ChainBackend", "ChainLists", "Greedy", "InsertIndex", "InsertNearest", "ordered_chains"]
+
+Ints = NDArray[np.int64]
 
 
 def ordered_chains(
@@ -49,6 +53,48 @@ def ordered_chains(
     index = {c: (k, place) for k, chain in enumerate(model.chains) for place, c in enumerate(chain)}
     rest = (len(model.chains), 0)
     return tuple(sorted(chains, key=lambda chain: (index.get(numbers[chain[0]], rest), chain[0])))
+
+
+class ChainLists(NamedTuple):
+    """Chains of a model for the kernels of the heuristics.
+
+    Parameters
+    ----------
+    small : GuidedPathData
+        Model without the customers of Property 1.
+    members : ndarray of int, shape (n,)
+        Its customers, chain after chain.
+    numbers : ndarray of int, shape (n,)
+        Number in the model of each of them.
+    starts : ndarray of int, shape (k + 1,)
+        First position of each chain in `members`.
+    need : ndarray of int32
+        See :func:`.bound.needs_of`.
+    """
+
+    small: GuidedPathData
+    members: Ints
+    numbers: Ints
+    starts: Ints
+    need: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, model: GuidedPathData, flag: Flag) -> ChainLists:
+        """Return the chains of `model`; raise :class:`OutOfTime` if `flag` is set."""
+        small, numbers = reduced(model, passing=False, flag=flag)
+        chains = ordered_chains(model, numbers, small.cover)
+        members = np.array([c for chain in chains for c in chain], np.int64)
+        starts = np.cumsum([0, *map(len, chains)])
+        need = needs_of(small, chains, flag=flag)
+        return cls(small, members, np.array(numbers)[members], starts, need)
+
+    def order(self, loop: Callable[..., bool], flag: NDArray[np.int8]) -> Ints:
+        """Return the positions in `members` of the tour that a kernel builds, or raise :class:`OutOfTime`."""
+        order = np.zeros(len(self.members), np.int64)
+        data = (self.small.coordinates, self.need, self.members, self.starts)
+        if not loop(*data, order, flag):
+            raise OutOfTime
+        return order
 
 
 class ChainBackend(Backend):
@@ -79,23 +125,17 @@ class ChainBackend(Backend):
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Build the tour and return the answer."""
-        begin = clock()
+        begin, flag = clock(), request.control.flag
         self.require_support(problem)
-        small, numbers = reduced(problem, passing=False)
-        chains = ordered_chains(problem, numbers, small.cover)
-        members = np.array([c for chain in chains for c in chain], np.int64)
-        starts = np.cumsum([0, *map(len, chains)])
-        order = np.zeros(len(members), np.int64)
-        need = needs_of(small, chains)
-        finished = self.loop(small.coordinates, need, members, starts, order, request.control.flag)
-        order = members[order]
         plan = None
-        counts: Mapping[str, float | int | str] = {"chains": len(chains)}
-        if finished:
-            stops = [numbers[c] for c in order.tolist()]
+        counts: dict[str, float | int | str] = {}
+        with suppress(OutOfTime):
+            lists = ChainLists.of(problem, flag)
+            counts["chains"] = len(lists.starts) - 1
+            order = lists.order(self.loop, flag)
             walk = served if request.options["passing"] else passed
-            plan = GuidedPathPlan(walk(problem, stops))
-            counts = {**counts, "length as built": length_of(small, order.tolist())}
+            plan = GuidedPathPlan(walk(problem, lists.numbers[order].tolist()))
+            counts["length as built"] = length_of(lists.small, lists.members[order].tolist())
         return Answer(
             Termination.NO_SOLUTION if plan is None else Termination.FEASIBLE,
             (request.control.reason or Limit.INTERRUPTED) if plan is None else None,

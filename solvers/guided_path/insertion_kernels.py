@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...jit import kernel
 from .merge_kernels import merge_two
 
-__all__ = ["merge_by_index", "merge_nearest", "visit_nearest"]
+__all__ = ["merge_by_index", "merge_nearest", "merge_walks", "visit_nearest"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -50,16 +50,23 @@ def merge_nearest(
     left = np.ones(len(starts) - 1, np.bool_)
     n, at = 0, x[0]
     for _ in range(len(left)):
-        least, nearest = math.inf, -1
-        for t in range(len(left)):
-            if left[t] and abs(x[members[starts[t]]] - at) < least:
-                least, nearest = abs(x[members[starts[t]]] - at), t
-        left[nearest] = False
+        nearest = _nearest(x, members, starts, left, at)
         if not _merge(x, need, members, starts, nearest, n, order, flag):
             return False
         n += starts[nearest + 1] - starts[nearest]
         at = x[members[order[n - 1]]]
     return True
+
+
+@kernel
+def _nearest(x: Floats, members: Ints, starts: Ints, left: NDArray[np.bool_], at: float) -> int:
+    """Return the chain that is `left` whose first customer is nearest to `at`; it is no longer left."""
+    least, nearest = math.inf, -1
+    for t in range(len(left)):
+        if left[t] and abs(x[members[starts[t]]] - at) < least:
+            least, nearest = abs(x[members[starts[t]]] - at), t
+    left[nearest] = False
+    return nearest
 
 
 @kernel(interpretable=True)
@@ -112,6 +119,81 @@ def _merge(
             i -= 1
             order[stop] = order[i]
     return True
+
+
+@kernel
+def _turns(x: Floats, stops: Ints, count: int) -> int:
+    """Remove the stops at which a tour from the start and back does not turn; return how many remain."""
+    kept = 0
+    for i in range(count + 1):
+        there = x[stops[i]] if i < count else x[0]
+        here = x[stops[kept - 1]] if kept > 0 else x[0]
+        if there == here:
+            continue
+        if kept > 0:  # remove the stop before if it is passed on the way to this one
+            before = x[stops[kept - 2]] if kept > 1 else x[0]
+            if (here > before) == (there > here):
+                kept -= 1
+        if i < count:
+            stops[kept] = stops[i]
+            kept += 1
+    if kept > 0 and x[stops[kept - 1]] == x[0]:
+        kept -= 1
+    return kept
+
+
+@kernel(interpretable=True)
+def merge_walks(
+    x: Floats, members: Ints, starts: Ints, chosen: Ints, walk: Ints, flag: NDArray[np.int8]
+) -> int:
+    """Merge unrelated chains into a walk, and store only its turns.
+
+    A tour serves the other customers when it passes them. Each merge is a shortest one, as those of
+    :func:`merge_nearest`, but compares the stops of the walk only.
+
+    Parameters
+    ----------
+    x, members, starts, flag
+        As for :func:`merge_nearest`.
+    chosen : ndarray of int, shape (k,) or (0,)
+        Chains in the order of their merges; if empty, the nearest one comes next.
+    walk : ndarray of int, shape (n,)
+        Overwritten with the customers at which the walk turns.
+
+    Returns
+    -------
+    int
+        Number of these customers, or -1 if stopped.
+    """
+    left = np.ones(len(starts) - 1, np.bool_)
+    n = 0
+    for step in range(len(left)):
+        at = x[walk[n - 1]] if n > 0 else x[0]
+        t = chosen[step] if len(chosen) > 0 else _nearest(x, members, starts, left, at)
+        chain = members[starts[t] : starts[t + 1]].copy()
+        size = _turns(x, chain, len(chain))
+        base, other = np.empty(n), np.empty(size)
+        former = walk[:n].copy()
+        for i in range(n):
+            base[i] = x[former[i]]
+        for j in range(size):
+            other[j] = x[chain[j]]
+        free, moves = np.zeros(n + size, np.int64), np.empty((n + 1) * (size + 1), np.uint8)
+        merged = np.empty(n + size, np.uint8)
+        if not merge_two(
+            x[0], x[0], base, other, free[:n], free[n:], math.inf, moves, merged, flag
+        ):
+            return -1
+        i, j = 0, 0
+        for stop in range(n + size):
+            if merged[stop] == 1:
+                walk[stop] = chain[j]
+                j += 1
+            else:
+                walk[stop] = former[i]
+                i += 1
+        n = _turns(x, walk, n + size)
+    return n
 
 
 @kernel(interpretable=True)

@@ -11,6 +11,8 @@ Physics 9, 1969. The final tables bound every state, see :func:`.share_kernels.r
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -23,6 +25,7 @@ __all__ = ["no_shares", "shares_of"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Between = Callable[[int, float], bool]
 
 #: Upper limit on lengths in tables, so that their sums are below 2^31.
 LONG = 1 << 29
@@ -30,6 +33,8 @@ LONG = 1 << 29
 MOST, ENTRIES, ALL_ENTRIES = 6, 25_000_000, 45_000_000
 #: Maximum number of ascent steps; minimum number with the final groups; work limit of these steps.
 FIRST, LEAST, WORK = 400, 2, 3e8
+#: Work limit of the steps with the final groups if tours are improved between them.
+LONGER = 2e9
 #: Maximum number of shares times steps, with the small groups: sorting them takes about 10 s.
 SORTED = 1e8
 #: Maximum number of shares.
@@ -48,8 +53,10 @@ def no_shares(tables: Tables) -> Shares:
     )  # fmt: skip
 
 
-def shares_of(tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8]) -> Shares | None:
-    """Return the groups with the greatest bound found; None if `flag` stopped it, or for too many shares.
+def shares_of(
+    tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8], between: Between | None = None,
+) -> Shares | None:  # fmt: skip
+    """Return the groups with the greatest bound found; None if it was stopped before, or for too many shares.
 
     Parameters
     ----------
@@ -59,6 +66,9 @@ def shares_of(tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8]) 
         States whose mean bound is maximised: counts and place of each.
     flag : ndarray of int8, shape (1,)
         Stop flag, nonzero to stop.
+    between : callable, optional
+        Function ``(bound, work)`` called after each step with the mean bound so far, in units, and the number of
+        table entries compared. The ascent ends if it returns True, and is longer than without it.
     """
     rows = [tables.at[tables.place[a:b]] for a, b in pairwise(tables.first)]
     alone = np.array([np.abs(np.diff(row)).sum() for row in rows])
@@ -66,18 +76,21 @@ def shares_of(tables: Tables, best: int, samples: Ints, flag: NDArray[np.int8]) 
     parts = [part for group in groups for part in np.array_split(group, max(len(group) // 2, 1))]
     if len(parts) * tables.length.size > MOST_SHARES:
         return None
-    ascent = _Ascent(tables, parts, best, samples, flag)
+    ascent = _Ascent(tables, parts, best, samples, flag, between)
     lengths = np.tile(tables.length / len(parts), (len(parts), 1))
     steps = int(np.clip(SORTED / max(lengths.size, 1), LEAST, FIRST))
     lengths = ascent.climb(lengths, steps, AIM[0], PATIENCE[0])
-    if len(groups) < len(parts):
+    shares = ascent.shares() if ascent.best >= 0 else None
+    if len(groups) < len(parts) and not ascent.over:
         owner = np.repeat(np.arange(len(groups)), [max(len(group) // 2, 1) for group in groups])
         merged = np.zeros((len(groups), tables.length.size))
         np.add.at(merged, owner, lengths)
-        ascent = _Ascent(tables, groups, best, samples, flag)
-        steps = int(np.clip(WORK / ascent.work, LEAST, FIRST))
+        former, ascent = ascent.best, _Ascent(tables, groups, best, samples, flag, between)
+        steps = int(np.clip((WORK if between is None else LONGER) / ascent.work, LEAST, FIRST))
         ascent.climb(merged, steps, AIM[1], PATIENCE[1])
-    return None if flag[0] != 0 else ascent.shares()
+        if ascent.best >= former:
+            shares = ascent.shares()
+    return shares
 
 
 def _group_chains(sizes: Ints, lengths: Ints) -> list[Ints]:
@@ -107,9 +120,11 @@ class _Ascent:
     """Subgradient ascent of the bound of some groups."""
 
     def __init__(
-        self, tables: Tables, groups: list[Ints], best: int, samples: Ints, flag: NDArray[np.int8]
-    ) -> None:
+        self, tables: Tables, groups: list[Ints], best: int, samples: Ints, flag: NDArray[np.int8],
+        between: Between | None,
+    ) -> None:  # fmt: skip
         self.tables, self.groups, self.flag, self.samples = tables, groups, flag, samples
+        self.between, self.over = between, False
         self.sizes = [np.diff(tables.first)[group] for group in groups]
         self.ends = np.cumsum([0, *(int(np.prod(size + 1)) * size.size for size in self.sizes)])
         self.work = float(sum(np.diff(self.ends) * list(map(len, groups))))
@@ -121,13 +136,13 @@ class _Ascent:
                 row = tables.place[tables.first[k] : tables.first[k + 1]]
                 places[i, : row.size] = row
             self.places.append(places)
-        self.times, self.over = max(best // LONG, 1), max(LONG // max(best, 1), 1)
+        self.times, self.part = max(best // LONG, 1), max(LONG // max(best, 1), 1)
         self.rests, self.kept = (np.empty(self.ends[-1], np.int32) for _ in range(2))
         self.best, self.weighted = -1.0, np.zeros((len(groups), tables.at.size), np.int64)
 
     def value(self, lengths: Floats) -> tuple[float, Floats]:
         """Return the mean bound of these shares, and the crossings of each gap by each group."""
-        whole = np.floor(lengths * (self.over / self.times)).astype(np.int64)
+        whole = np.floor(lengths * (self.part / self.times)).astype(np.int64)
         weighted = np.pad(np.cumsum(whole, axis=1), ((0, 0), (1, 0)))
         crossed = np.zeros(lengths.shape, np.int64)
         total, starts = 0, np.ascontiguousarray(self.samples[:, -1])
@@ -152,7 +167,13 @@ class _Ascent:
             former = self.best
             value, crossed = self.value(lengths)
             if value < 0:
+                self.over = True
                 break
+            if self.between is not None:
+                bound = math.ceil(self.best * self.times / self.part)
+                self.over = self.between(bound, self.work)
+                if self.over:
+                    break
             aim = aim or hope * value
             if value > former:
                 best_lengths = lengths
@@ -164,7 +185,7 @@ class _Ascent:
             steep = float((before**2).sum())
             if steep == 0.0 or aim < END * self.best:
                 break
-            way = (self.best + aim - value) / steep * (self.times / self.over)
+            way = (self.best + aim - value) / steep * (self.times / self.part)
             lengths = _project(lengths + way * before, self.tables.length)
         return best_lengths
 
@@ -175,7 +196,7 @@ class _Ascent:
         begins = np.cumsum([0, *map(len, self.groups)])
         return Shares(
             np.column_stack((begins, self.ends)), np.column_stack((members, radix)), self.weighted,
-            self.kept, self.times, self.over,
+            self.kept, self.times, self.part,
         )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from crosstrack.solvers.guided_path import (
 )
 from crosstrack.solvers.guided_path.bound import Tables, whole_lengths
 from crosstrack.solvers.guided_path.shares import shares_of
+from crosstrack.solvers.guided_path.state_kernels import least_rest
 
 
 def plain_bound(model, served, here):
@@ -151,6 +152,21 @@ def test_shares_are_better_than_gaps(chains, seed):
 def test_a_stop_leaves_no_shares():
     tables = Tables.of(chains_tour(8, 8, 1))
     assert shares_of(tables, 5000, start_of(tables), np.ones(1, np.int8)) is None
+    # A search that stops the ascent keeps its best bound, which is that of the shares.
+    bounds = list[int]()
+
+    def between(bound, work):
+        bounds.append(bound)
+        return len(bounds) == 3 or work < 0
+
+    shares = shares_of(tables, 5000, start_of(tables), np.zeros(1, np.int8), between)
+    assert len(bounds) == 3 and bounds == sorted(bounds)
+    counts, scratch = (
+        np.zeros(tables.first.size - 1, np.int64),
+        np.empty(tables.wide.size, np.int16),
+    )
+    root = least_rest.py_func(tables, shares, counts, int(tables.place[-1]), scratch)
+    assert root >= bounds[-1]
 
 
 def test_shares_are_the_nearest_that_add_up():

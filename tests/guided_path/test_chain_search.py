@@ -1,6 +1,8 @@
 """Merges of chains, the search that repeats them, the bound updated per step, and tours of 20,000 customers."""
 
 import math
+import threading
+import time
 from functools import cache
 
 import numpy as np
@@ -13,12 +15,13 @@ from crosstrack.models import GuidedPathTour
 from crosstrack.models.guided_path.walks import length_of, reduced
 from crosstrack.solvers import Limit, Request
 from crosstrack.solvers.contract.backend import Control
+from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.guided_path import a_star, bound, chain_search
 from crosstrack.solvers.guided_path.a_star import AStar
 from crosstrack.solvers.guided_path.bound import Tables, needs_of
 from crosstrack.solvers.guided_path.chain_kernels import merge_again, path_length
 from crosstrack.solvers.guided_path.chain_search import ChainSearch
-from crosstrack.solvers.guided_path.insertion import Greedy, InsertIndex, InsertNearest
+from crosstrack.solvers.guided_path.insertion import ChainLists, Greedy, InsertIndex, InsertNearest
 from crosstrack.solvers.guided_path.merge_kernels import merge_two
 from crosstrack.solvers.guided_path.state_kernels import rest_after, rest_by_gaps
 from crosstrack.timing import OutOfTime
@@ -239,17 +242,63 @@ def test_a_stop_keeps_the_tour():
 
 
 @pytest.mark.parametrize("backend", ["a-star", "chain-search"])
-@pytest.mark.parametrize("late", [(InsertIndex, "run"), (Tables, "of")], ids=["insert", "tables"])
+@pytest.mark.parametrize(
+    "late",
+    [(chain_search, "merge_walks"), (chain_search, "merge_by_index"), (Tables, "of")],
+    ids=["walks", "insert", "tables"],
+)
 def test_a_limit_in_any_step_keeps_the_tours_before_it(monkeypatch, backend, late):
     def end(*_arguments):
         raise OutOfTime
 
     model = chains_tour(5, 40, 1)
     least = answered(Greedy(), model).primal_bound
+    if late[1] == "merge_walks":  # the first step
+        end.is_compiled, least = True, math.inf
     monkeypatch.setattr(*late, end)
     solution = ct.solve(model, backend, time_limit=60)
-    assert solution.termination == "feasible"
+    assert (solution.termination, solution.limit) == ("feasible", "time")
     assert solution.primal_bound <= least
+
+
+def test_preparations_stop_at_the_flag():
+    model, flag = chains_tour(5, 8, 1), np.ones(1, np.int8)
+    steps = (
+        lambda: reduced(model, flag=flag),
+        lambda: reduced(model, passing=False, flag=flag),
+        lambda: needs_of(model, model.cover, plain=True, flag=flag),
+        lambda: Tables.of(model, flag),
+        lambda: ChainLists.of(model, flag),
+    )
+    for step in steps:
+        with pytest.raises(OutOfTime):
+            step()
+    flag[0] = 0
+    assert [step() is not None for step in steps] == [True] * 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [0.2, 1.0, 2.0, 4.0])
+@pytest.mark.parametrize("backend", ["a-star", "chain-search", "insert-nearest", "greedy"])
+def test_limits_are_kept_with_many_pairs(backend, seconds):
+    """20,000 customers and 400,000 pairs, in CPU seconds, so that other processes have no effect."""
+    rng = np.random.default_rng(1)
+    pairs = np.sort(rng.integers(1, 20_001, (400_000, 2)), axis=1)
+    pairs = pairs[pairs[:, 0] < pairs[:, 1]]
+    model = GuidedPathTour(np.append(0.0, rng.random(20_000)), precedence=pairs)
+    control, begin = Control(), time.process_time()
+
+    def watch():
+        while time.process_time() - begin < seconds:
+            time.sleep(0.02)
+        control.stop(Limit.TIME)
+
+    threading.Thread(target=watch, daemon=True).start()
+    chosen = find_backend(backend, model)
+    options = chosen.checked_options({})
+    answer = chosen.run(model, Request(options=options, control=control))
+    assert answer.limit == "time"
+    assert time.process_time() - begin <= seconds + 0.5
 
 
 # -- 20,000 customers ------------------------------------------------------------------------------

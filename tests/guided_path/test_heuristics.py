@@ -7,7 +7,7 @@ from hypothesis import given, settings
 
 import crosstrack as ct
 from crosstrack.models import GuidedPathTour
-from crosstrack.models.guided_path.walks import length_of, passed, reduced
+from crosstrack.models.guided_path.walks import length_of, passed, reduced, served
 from crosstrack.solvers import Limit, Request
 from crosstrack.solvers.guided_path import insertion_kernels
 from crosstrack.solvers.guided_path.bound import needs_of
@@ -21,6 +21,7 @@ from crosstrack.solvers.guided_path.insertion import (
 from crosstrack.solvers.guided_path.insertion_kernels import (
     merge_by_index,
     merge_nearest,
+    merge_walks,
     visit_nearest,
 )
 
@@ -91,6 +92,29 @@ def test_two_chains_are_merged_to_the_optimum(backend):
             count += 1
             assert abs(answered(backend, model).primal_bound - best(model)) <= close(model)
     assert count > 100
+
+
+def test_merged_walks_are_feasible_and_of_two_chains_the_shortest():
+    pairs = 0
+    for seed in range(200):
+        small, _ = reduced(random_tour([seed, 6], most=7))
+        sizes = np.array(list(map(len, small.cover)))
+        if len(small.pairs) != small.size - 1 - len(sizes):
+            continue
+        members = np.array([c for chain in small.cover for c in chain])
+        starts, walk = np.cumsum([0, *sizes]), np.zeros(members.size, np.int64)
+        for order in (np.zeros(0, np.int64), np.arange(len(sizes))[::-1].copy()):
+            data = (small.coordinates, members, starts, order, walk)
+            stops = walk[: merge_walks.py_func(*data, GO)].tolist()
+            assert stops == walk[: merge_walks(*data, GO)].tolist()
+            length = length_of(small, served(small, stops))
+            assert length <= length_of(small, stops) + close(small)
+            assert length >= best(small) - close(small)
+            if len(sizes) == 2:
+                pairs += 1
+                assert abs(length_of(small, stops) - best(small)) <= close(small)
+    assert pairs > 50
+    assert merge_walks(*data[:3], np.arange(len(sizes)), walk, np.ones(1, np.int8)) in (-1, 0)
 
 
 def test_mean_lengths_of_merging_and_greedy_insertion():
