@@ -17,7 +17,14 @@ EVERY = [
     for name in BACKENDS
     if name != "nsga-ii"  # needs several objectives
 ]
+#: Searches whose models take milliseconds per evaluation: tests give them fewer evaluations.
+MODELLING = ("surrogate-search", "portfolio", "cobyqa")
 DRAWING = [one for one in EVERY if Feature.SEED in find_backend(one.values[0]).features]
+
+
+def allowed(name, modelling, others):
+    """Return the budget of a search that has models, or that of the others."""
+    return modelling if name in MODELLING else others
 
 
 class Counted:

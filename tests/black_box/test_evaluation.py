@@ -504,7 +504,7 @@ def test_a_run_that_was_killed_resumes_with_the_same_plan(tmp_path, name, count)
     plan = subprocess.run(command(tmp_path / "whole"), capture_output=True, text=True, check=True)
     path = tmp_path / "killed"
     kills, size = 0, 0
-    for share in (0, 0.1, 0.35, 0.8):
+    for share in (0, 0.6):
         with subprocess.Popen(command(path), stdout=subprocess.DEVNULL) as process:
             while process.poll() is None:
                 time.sleep(0.002)
@@ -513,7 +513,7 @@ def test_a_run_that_was_killed_resumes_with_the_same_plan(tmp_path, name, count)
                     process.kill()
                     kills += 1
                     break
-    assert kills >= 3
+    assert kills == 2
     end = subprocess.run(command(path), capture_output=True, text=True, check=True)
     assert end.stdout == plan.stdout and "(0." in plan.stdout
     count_lines = [len(one.read_text().splitlines()) for one in (path, tmp_path / "whole")]
