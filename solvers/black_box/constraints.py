@@ -31,17 +31,8 @@ _GROWTH = 100.0
 class Constraints:
     """Merit of points of a model with constraints.
 
-    Parameters
-    ----------
-    problem : BlackBoxMinimisation
-        Model without its function.
-
-    Attributes
-    ----------
-    multipliers, penalties : ndarray, shape (constraints,), optional
-        State of the augmented Lagrangian; None for the feasibility rules.
-    best : tuple, optional
-        Smallest value of the Lagrangian since the last update, its point and its scaled constraints.
+    `multipliers` and `penalties`, shape (constraints,), are the state of the augmented Lagrangian; without multipliers
+    the feasibility rules apply. `best` is the smallest Lagrangian since the last update, its point and its scaled constraints.
     """
 
     def __init__(self, problem: BlackBoxMinimisation) -> None:
@@ -84,20 +75,10 @@ class Constraints:
 
     @np.errstate(all="ignore")
     def merit(self, x: Floats, table: Floats) -> Floats:
-        """Return the value of each point for a search, infinite for no value.
+        """Return the value of points for a search, from their columns, shape (m,); infinite for no value.
 
-        Parameters
-        ----------
-        x : ndarray, shape (m, d)
-            Points.
-        table : ndarray, shape (m, columns)
-            Their objectives, inequalities and equalities.
-
-        Returns
-        -------
-        ndarray, shape (m,)
-            With the rules, the objective of feasible points, and for others a larger number that increases with the
-            violation. Otherwise the augmented Lagrangian.
+        With the rules, it is the objective of feasible points, and for others a larger number that increases with the
+        violation. Otherwise it is the augmented Lagrangian.
         """
         objective, missing = table[:, 0], ~np.isfinite(table.sum(axis=1))
         violation = self.violation(table)
@@ -126,13 +107,7 @@ class Constraints:
         return result
 
     def begin(self, table: Floats) -> None:
-        """Begin an augmented Lagrangian with the penalties that a sample of the columns suggests.
-
-        Parameters
-        ----------
-        table : ndarray, shape (m, columns)
-            Columns at points of the whole cube.
-        """
+        """Begin an augmented Lagrangian with the penalties that the columns of a sample of the cube suggest."""
         self.violation(table)
         # An earlier search may have ended between two updates.
         self.best, self._previous = None, np.full_like(self.scales, np.inf)
