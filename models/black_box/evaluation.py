@@ -28,27 +28,9 @@ _MOST = 2**13
 class Evaluation:
     """Evaluations of a Python function, answered in the order of the requests.
 
-    Parameters
-    ----------
-    function : PythonFunction
-        The function.
-    columns : int
-        Number of values per point.
-    record : Record, optional
-        Stored evaluations, which are not repeated. New ones are added.
-
-    Attributes
-    ----------
-    used : int
-        Number of points that were evaluated or whose evaluation was started.
-    skipped : int
-        Number of points at which the function failed.
-    message : str
-        First failure.
-    parallel : int
-        Number of points that are evaluated at once.
-    is_direct : bool
-        Whether the function takes one point at a time in this process and returns one number, without a record.
+    A `record` has stored evaluations, which are not repeated, and receives new ones. `used` counts the points whose
+    evaluation was started, and `skipped` those at which the function failed, the first time with `message`. `parallel`
+    points are evaluated at once. With `is_direct`, the function takes one point in this process and returns one number.
     """
 
     def __init__(self, function: Any, columns: int, record: Record | None = None) -> None:
@@ -89,28 +71,10 @@ class Evaluation:
             self._call(missing[first : first + size])
 
     def part(self, points: Floats, seconds: float = math.inf, multiple: int = 1) -> Floats:
-        """Return the values at the first rows of `points`, those that end within `seconds`.
+        """Return the values at the first rows of `points` that end within `seconds`, in multiples of `multiple`.
 
-        Without workers they include at least the first row, and with a vectorised function all rows.
-
-        Parameters
-        ----------
-        points : ndarray, shape (m, d)
-            Points.
-        seconds : float
-            Time limit.
-        multiple : int
-            Divisor of the number of rows.
-
-        Returns
-        -------
-        ndarray, shape (k, columns)
-            Values, k <= m.
-
-        Raises
-        ------
-        InvalidData
-            The function failed at one of the first `multiple` rows of `points`.
+        Without workers they include at least the first row, and with a vectorised function all rows. If the function
+        fails at one of the first `multiple` rows, the error is raised.
         """
         self.raise_error()
         end = clock() + seconds

@@ -13,18 +13,7 @@ Floats = NDArray[np.float64]
 
 
 def non_dominated(values: Floats) -> NDArray[np.bool_]:
-    """Return whether no other row is at least as good in all objectives and better in one.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n, m)
-        Objectives, minimised. Of equal rows all are kept.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        True for rows of the front.
-    """
+    """Return whether no other row of objectives is at least as good in all and better in one, shape (n,)."""
     return np.array(
         [not ((values <= row).all(axis=1) & (values < row).any(axis=1)).any() for row in values],
         bool,
@@ -32,23 +21,12 @@ def non_dominated(values: Floats) -> NDArray[np.bool_]:
 
 
 def hypervolume(values: Floats, reference: Floats) -> float:
-    """Return the volume that is dominated by `values` and bounded by `reference`, exactly.
+    """Return the volume that rows of objectives dominate and `reference` bounds, exactly.
 
     The volume is the sum of slabs between consecutive values of the last objective. The base of a slab is stored as
     the heights, values of the last objective but one, over the grid of all others. The effort is O(n^(m - 1)) with
-    one operation on arrays per row: 300 rows of 4 objectives take 0.02 s.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n, m)
-        Objectives, minimised. Rows that are not better than the reference in all objectives add nothing.
-    reference : ndarray, shape (m,)
-        Reference point.
-
-    Returns
-    -------
-    float
-        The hypervolume, 0 without any contribution.
+    one operation on arrays per row: 300 rows of 4 objectives take 0.02 s. Rows that are not better than the reference
+    in all objectives add nothing.
     """
     padding = max(3 - len(reference), 0)
     rows = np.pad(values[(values < reference).all(axis=1)], ((0, 0), (padding, 0)))

@@ -23,13 +23,7 @@ from ..records import Anything, Member
 from .evaluation import Evaluation
 from .record import Record
 
-__all__ = [
-    "BlackBoxFunction",
-    "Landscape",
-    "Named",
-    "OnError",
-    "PythonFunction",
-]
+__all__ = ["BlackBoxFunction", "Landscape", "Named", "OnError", "PythonFunction"]
 
 Floats = NDArray[np.float64]
 

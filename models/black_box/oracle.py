@@ -26,18 +26,7 @@ _HEADER = ("bounds", "variables", "objectives", "inequalities", "equalities")
 
 
 class Oracle:
-    """Counted evaluations of one run, called with points of shape (m, d).
-
-    Parameters
-    ----------
-    model : BlackBoxMinimisation
-        Model with its function.
-
-    Attributes
-    ----------
-    left : int
-        Remaining evaluations.
-    """
+    """Counted evaluations of one run, called with points of shape (m, d); `left` evaluations remain."""
 
     def __init__(self, model: Any) -> None:
         self.model = model
@@ -65,12 +54,9 @@ class Oracle:
             model.function.values(model.lows[None])  # raises
 
     def __call__(self, points: Floats) -> Floats:
-        """Return the values at `points`, shape (m, d), including the noise, as an array of shape (m, columns).
+        """Return the values at `points`, shape (m, columns), including the noise.
 
-        Raises
-        ------
-        InvalidData
-            A point is not allowed, the budget is used up, or the function failed.
+        A point that is not allowed, a used-up budget and a failed function raise ``InvalidData``.
         """
         return self._answer(points, math.inf)
 
@@ -93,13 +79,7 @@ class Oracle:
         return answers
 
     def start(self, points: Floats) -> Floats:
-        """Start the evaluation of `points` that will be requested, if the function has workers.
-
-        Returns
-        -------
-        ndarray, shape (1, 1)
-            Number of points that are evaluated at once.
-        """
+        """Start evaluations that will be requested, if there are workers; return how many run at once, shape (1, 1)."""
         evaluation = self._evaluation
         if evaluation is None:
             return np.ones((1, 1))

@@ -28,25 +28,12 @@ _HEADER = {"crosstrack": "black-box record", "version": 1}
 
 
 class Record:
-    """Evaluations in a file of JSON lines.
+    """Evaluations in a file of JSON lines, created if it does not exist.
 
     The first line is a header that describes the function and its variables. Each further line is one
     evaluation, written with one system call when it ends: a process that is killed at any time loses at most
-    the evaluations that have not ended. An incomplete last line is removed. Reading executes no code.
-
-    Parameters
-    ----------
-    path : str
-        File, created if it does not exist.
-    header : mapping
-        JSON data that must equal the header of an existing file.
-    dimension, columns : int
-        Numbers of variables, and of values per evaluation.
-
-    Raises
-    ------
-    InvalidData
-        The file cannot be opened, has another header or is damaged. The message names file and line.
+    the evaluations that have not ended. An incomplete last line is removed. Reading executes no code. A file with
+    another header or a damaged line raises ``InvalidData`` with file and line.
     """
 
     def __init__(self, path: str, header: Mapping[str, Any], dimension: int, columns: int) -> None:
@@ -119,30 +106,12 @@ class Record:
         raise InvalidData(f"record {self._path!r}, line {number}: {why}", field="record")
 
     def take(self, x: Floats) -> tuple[Floats, str] | None:
-        """Return values and error text of the next stored evaluation at `x`; None without one.
-
-        Parameters
-        ----------
-        x : ndarray, shape (d,)
-            Point. A point that was evaluated several times has one answer per evaluation, in their order.
-        """
+        """Return values and error of the next stored evaluation at `x`, in their order; None without one."""
         answers = self._known.get(x.tobytes())
         return answers.popleft() if answers else None
 
     def add(self, x: Floats, values: Floats, seconds: float | None, error: str = "") -> None:
-        """Append an evaluation.
-
-        Parameters
-        ----------
-        x : ndarray, shape (d,)
-            Point.
-        values : ndarray, shape (columns,)
-            Values; those that are not finite are stored as null.
-        seconds : float, optional
-            Duration of the evaluation.
-        error : str
-            Error of the function at a point that is skipped.
-        """
+        """Append an evaluation with its duration and, at a skipped point, its error; null is no finite value."""
         finite = np.isfinite(values).tolist()
         data: dict[str, Any] = {
             "x": x.tolist(),

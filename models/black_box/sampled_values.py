@@ -61,17 +61,7 @@ def levels_of(values: kit.Floats) -> kit.Floats:
 def shade_infeasible(
     axes: Any, along: kit.Floats, across: kit.Floats, feasible: NDArray[np.bool_]
 ) -> Any:
-    """Shade the points that violate a constraint, and return their entry of the legend.
-
-    Parameters
-    ----------
-    axes : Axes
-        Axes of the picture.
-    along, across : ndarray, shape (n,)
-        Values of both variables.
-    feasible : ndarray of bool, shape (n, n)
-        Whether each point holds all constraints.
-    """
+    """Shade the points that are not `feasible`, shape (n, n), and return their entry of the legend."""
     violated = np.where(feasible, 0.0, 1.0)
     axes.contourf(
         along, across, violated, [0.5, 1.5], colors=["white"], alpha=0.7, zorder=0.85
@@ -87,19 +77,7 @@ def draw_fronts(
     labels: Sequence[str],
     looks: Sequence[dict[str, Any]],
 ) -> kit.Figure:
-    """Draw the objectives of fronts, with one panel per pair of objectives and the reference point.
-
-    Parameters
-    ----------
-    scene : Scene
-        Empty picture.
-    model : BlackBoxMinimisation
-        Model with several objectives.
-    plans : sequence of BlackBoxPoint
-        Fronts, or single points.
-    labels, looks : sequence of str and of dict
-        Label and marker of each plan.
-    """
+    """Draw the objectives of fronts, with one panel per pair of objectives and the reference point."""
     pairs = list(itertools.combinations(range(model.objectives), 2))
     columns = min(len(pairs), 3)
     rows = -(-len(pairs) // columns)

@@ -156,25 +156,10 @@ class VariableSpec(Spec):
 
 
 class Layout:
-    """Checked variables of a model: which are discrete, and when each one matters.
+    """Checked variables of a model: which are `discrete`, integers or categories, and when each one matters.
 
-    Parameters
-    ----------
-    variables : tuple of Variable, optional
-        One per row of `bounds`; None if all are real.
-    bounds : ndarray, shape (d, 2)
-        Lower and upper bounds.
-
-    Attributes
-    ----------
-    discrete : ndarray of bool, shape (d,)
-        Whether a variable is an integer or a category.
-
-    Raises
-    ------
-    InvalidData
-        Bounds are no whole numbers or not among the indices of a category, or a condition names an unsuitable
-        variable or value.
+    Bounds that do not suit an integer or a category, and a condition with an unsuitable variable or value, raise
+    ``InvalidData``.
     """
 
     def __init__(self, variables: tuple[Variable, ...] | None, bounds: Floats) -> None:

@@ -288,18 +288,10 @@ def _crossing(at: float, step: float) -> float:
 
 @kernel(interpretable=True)
 def _count_blocked(blocked: Truths, lines: Floats, homes: Ints, found: Floats) -> None:
-    """Write the blocked lengths of polylines, in sides of cells.
+    """Write the blocked lengths of polylines x, y, shape (m, k, 2), to `found`, in sides of cells.
 
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows + 2, columns + 2)
-        Map with a frame of blocked cells.
-    lines : ndarray, shape (m, k, 2)
-        x, y in cells; the map's corner is (1, 1).
-    homes : ndarray of int64, shape (4,)
-        Row and column of the free cells at the start and the end of the polylines.
-    found : ndarray, shape (m,)
-        Filled with the blocked lengths.
+    The map has a frame of blocked cells, its corner is (1, 1). `homes` are row and column of the free cells at the start
+    and at the end.
     """
     right, top = blocked.shape[1] - 1.0, blocked.shape[0] - 1.0
     for line in range(lines.shape[0]):

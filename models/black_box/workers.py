@@ -36,13 +36,7 @@ serve(channel)
 
 
 class _Process:
-    """Worker process, which ends with its parent or when it is killed.
-
-    Parameters
-    ----------
-    body : bytes
-        Serialised function.
-    """
+    """Worker process with a serialised function, which ends with its parent or when it is killed."""
 
     def __init__(self, body: bytes) -> None:
         self._channel, theirs = Pipe()
@@ -141,19 +135,9 @@ def _kill(processes: set[subprocess.Popen[bytes]]) -> None:
 
 
 class Pool:
-    """Executor that calls one function.
+    """Executor that calls one function: so many worker processes, or an executor of the user.
 
-    Parameters
-    ----------
-    call : callable
-        The function.
-    workers : int or Executor
-        Number of worker processes, or an executor.
-
-    Attributes
-    ----------
-    parallel : int
-        Number of calls that run at once; the number of processors if the executor does not reveal it.
+    `parallel` calls run at once, as many as processors if the executor does not reveal it.
     """
 
     def __init__(self, call: Callable[..., Any], workers: Any) -> None:
@@ -189,10 +173,7 @@ class Pool:
     def outcome(self, future: Future[Any]) -> Outcome:
         """Return result, error text and seconds of a call that has ended.
 
-        Raises
-        ------
-        InvalidData
-            The executor is broken, or its processes cannot run the function.
+        A broken executor, and processes that cannot run the function, raise ``InvalidData``.
         """
         error = future.exception()
         if error is None:

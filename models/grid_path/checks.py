@@ -258,26 +258,9 @@ def length_along(
     """Return the cost of a path along neighbouring cells, in cells, or -1 if it violates a constraint.
 
     The constraints are those of :func:`verify_paths` for connectivity "4" or, if `diagonal`, "8". The work is
-    proportional to the number of points.
-
-    Parameters
-    ----------
-    blocked : ndarray of bool, shape (rows, columns)
-        Cells, true if blocked.
-    weights : ndarray, shape (rows, columns) or (0, 0)
-        Cost per length in each cell; 1 without entries.
-    points : ndarray, shape (k, 2)
-        Points x, y, m.
-    corner : ndarray, shape (2,)
-        Corner of the map with the lowest x and y, m.
-    cell : float
-        Side of a cell, m.
-    ends : ndarray of int, shape (2, 2)
-        Rows and columns of start and goal.
-    diagonal : bool
-        Whether steps may be diagonal.
-    accepted : float
-        Largest accepted distance of a point from the centre of its cell, in cells.
+    proportional to the number of points x, y, m. `corner` is the corner of the map with the lowest x and y and `cell`
+    the side of a cell, m. `ends` are rows and columns of start and goal. Without `weights`, shape (0, 0), a length costs
+    1. `accepted` is the largest accepted distance of a point from the centre of its cell, in cells.
     """
     rows, columns = blocked.shape
     last = len(points) - 1

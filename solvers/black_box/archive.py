@@ -14,21 +14,9 @@ Floats = NDArray[np.float64]
 
 
 class Archive:
-    """Points that do not dominate one another, at most `size`, with the largest hypervolume so far.
+    """Points `x` that do not dominate one another, at most `size`, with the largest hypervolume so far.
 
-    Parameters
-    ----------
-    reference : ndarray, shape (objectives,)
-        Reference point.
-    size : int
-        Largest number of points.
-
-    Attributes
-    ----------
-    x, values : ndarray, shapes (n, d) and (n, objectives)
-        Points and their objectives.
-    volume : float
-        Hypervolume of the points.
+    Attributes `values`, shape (n, objectives), and `volume` are their objectives and their hypervolume.
     """
 
     def __init__(self, reference: Floats, size: int) -> None:

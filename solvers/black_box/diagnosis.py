@@ -28,19 +28,7 @@ def diagnose_black_box(model: BlackBoxMinimisation, time_limit: float | None = N
 
     Every point within the bounds at which the function has a value is a plan, so one value proves
     that a plan exists. That no plan exists cannot be proven. At most 17 points are evaluated,
-    without using the budget of runs.
-
-    Parameters
-    ----------
-    model : BlackBoxMinimisation
-        Model to diagnose.
-    time_limit : float, optional
-        Unused.
-
-    Returns
-    -------
-    Diagnosis
-        Feasible with a value, otherwise undecided.
+    without using the budget of runs; the time limit is not used.
     """
     free = np.flatnonzero(model.highs > model.lows)
     places = list(_places(model, free))

@@ -60,13 +60,7 @@ class FishSwarm(BlackBoxBackend):
 
 
 def converged(bulletin: Sequence[float]) -> int:
-    """Return the first iteration after which 99 % of the decrease of the best value is done.
-
-    Parameters
-    ----------
-    bulletin : sequence of float
-        Best value before the first iteration and after each one.
-    """
+    """Return the first iteration after which 99 % of the decrease of the best values is done."""
     first = next((value for value in bulletin if math.isfinite(value)), bulletin[0])
     last = bulletin[-1]
     if first == last:

@@ -24,20 +24,7 @@ _INERTIA = (0.2, 0.9)
 
 
 def leaders(place: Floats, value: Floats, visual: float) -> Ints:
-    """Return the best fish within the visual of each fish (eq. 1), or the fish itself if it sees no better one.
-
-    Parameters
-    ----------
-    place : ndarray, shape (n, d)
-    value : ndarray, shape (n,)
-        Objective values, infinite for a point without a value.
-    visual : float
-        Euclidean distance below which a fish sees another one.
-
-    Returns
-    -------
-    ndarray of int, shape (n,)
-    """
+    """Return the best fish within the visual of each fish (eq. 1), or the fish itself if it sees no better one."""
     near = cdist(place, place) < visual
     best = np.where(near, value, math.inf).argmin(axis=1)
     every = np.arange(len(value))
@@ -49,16 +36,7 @@ def leaders(place: Floats, value: Floats, visual: float) -> Ints:
 def towards(place: Floats, target: Floats, length: Floats) -> Floats:
     """Return the moves of given lengths towards the targets: the fractions of eq. 3, 5, 6, 17 and 18.
 
-    Parameters
-    ----------
-    place, target : ndarray, shape (m, d)
-    length : ndarray, shape (m,)
-        Step times a random number.
-
-    Returns
-    -------
-    ndarray, shape (m, d)
-        0 for a fish at its target.
+    A length is the step times a random number. A fish at its target does not move.
     """
     way = target - place
     norm = np.linalg.norm(way, axis=1)

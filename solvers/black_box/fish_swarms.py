@@ -32,22 +32,8 @@ class Swarm:
     (eq. 2 and 3), and leaps if all its tries fail (eq. 7). As printed, a fish may get worse: only the
     bulletin, here ``Objective.best``, keeps the best point.
 
-    Parameters
-    ----------
-    objective : Objective
-        Evaluates points; raises ``Ended`` through :meth:`begin` and :meth:`cycle`.
-    generator : numpy.random.Generator
-    options : mapping
-        Options of the backend.
-
-    Attributes
-    ----------
-    place : ndarray, shape (n, d)
-        Positions of the fish in the unit cube.
-    value : ndarray, shape (n,)
-        Objective values, infinite for a point without a value.
-    bulletin : list of float
-        Best value before the first iteration and after each one.
+    Attributes `place`, shape (n, d), and `value` are positions in the unit cube and objectives, infinite for no value;
+    `bulletin` has the best value before the first iteration and after each one.
     """
 
     #: Whether a move towards another fish or the centre is undone if it leads to a worse point.
@@ -134,15 +120,9 @@ class Swarm:
         return seen, worth
 
     def search_better(self, who: Ints, middle: Floats, reaches: Floats) -> Points:
-        """Return the first better point that each fish finds, or its own position, and the values there.
+        """Return the first better point that each fish finds around `middle`, or its own position, and the values.
 
-        Parameters
-        ----------
-        who : ndarray of int, shape (m,)
-        middle : ndarray, shape (m, d)
-            Points around which the fish look.
-        reaches : ndarray, shape (tries,)
-            Largest change of a variable in each try.
+        `reaches` has the largest change of a variable in each try.
         """
         seen, worth = self.place[who], self.value[who]
         remaining = np.arange(len(who))

@@ -54,17 +54,9 @@ class BlackBoxBackend(Backend):
 
     @abstractmethod
     def search(self, objective: Objective) -> Mapping[str, Any]:
-        """Request values until the search ends itself or ``Ended`` is raised through it.
+        """Request values until the search ends itself or ``Ended`` is raised through it; return statistics.
 
-        Parameters
-        ----------
-        objective : Objective
-            Objective with at least one free variable.
-
-        Returns
-        -------
-        mapping
-            Additional statistics.
+        At least one variable is free.
         """
 
     def run(self, problem: BlackBoxMinimisation, request: Request) -> Answer:

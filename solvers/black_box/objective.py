@@ -33,42 +33,12 @@ class Ended(Exception):
 
 
 class Objective:
-    """Objective of a search: the function over the unit cube of the free variables.
+    """Objective of a search: the function over the unit cube of the `dimension` free variables.
 
     The search therefore produces the same points, up to rounding, if the variables are shifted or
-    scaled.
-
-    Parameters
-    ----------
-    problem : BlackBoxMinimisation
-        Model without its function.
-    request : Request
-        Request, whose control provides values and receives better points.
-
-    Attributes
-    ----------
-    options : mapping
-        Options of the backend.
-    generator : numpy.random.Generator
-        Generator with the run's seed.
-    start : ndarray, shape (dimension,), optional
-        Warm start in the unit cube, whose value is known already.
-    dimension : int
-        Number of free variables.
-    left, granted : int
-        Remaining points, and their initial number; each point is evaluated `repeats` times.
-    best : float
-        Smallest objective of a feasible point so far, or minus the hypervolume; infinity before the first.
-    x : ndarray, shape (d,), optional
-        Best point, all variables.
-    constraints : Constraints
-        Handling of the constraints.
-    archive : Archive, optional
-        Front of a model with several objectives.
-    missing : int
-        Number of points without a value.
-    counts : dict of str to int
-        Evaluations of each stage.
+    scaled. `granted` points may be evaluated, and `left` remain; each is evaluated `repeats` times. `x` and `best` are
+    the best point and its objective, or minus the hypervolume of `archive`. `start` is a warm start in the unit cube, whose
+    value is known. `missing` counts the points without a value, and `counts` the evaluations of each stage.
     """
 
     def __init__(self, problem: BlackBoxMinimisation, request: Request) -> None:
@@ -133,22 +103,9 @@ class Objective:
         return self.problem.layout.canonical(x)
 
     def __call__(self, unit: Floats) -> Floats:
-        """Return the values at points of the unit cube, infinite for no value.
+        """Return the values at points of the unit cube, shape (m,), infinite for no value.
 
-        Parameters
-        ----------
-        unit : ndarray, shape (m, dimension)
-            Points; those outside of the cube are moved to its border.
-
-        Returns
-        -------
-        ndarray, shape (m,)
-            Values.
-
-        Raises
-        ------
-        Ended
-            The run must end; the evaluations up to then are counted.
+        Points outside of the cube are moved to its border. ``Ended`` is raised if the run must end.
         """
         return self.at(self.point(unit), unit)
 
@@ -294,11 +251,6 @@ class Objective:
 
         Values then arrive without waiting for the slowest point of a batch. Requests have the same answers as
         without this call.
-
-        Parameters
-        ----------
-        unit : ndarray, shape (m, dimension)
-            Points of the unit cube.
         """
         if self.parallel > 1:
             points = self.point(unit[: max(self.left - self._ahead, 0)])
@@ -306,16 +258,9 @@ class Objective:
             self.control.start(points)
 
     def run_stage(self, share: float, search: Any, **options: Any) -> None:
-        """Run a search from the best point until a share of the evaluations or the time is used.
+        """Run a search from the best point until a share of all evaluations, or of the time limit, is used.
 
-        Parameters
-        ----------
-        share : float
-            Share of all evaluations, and of the time limit, at which the search ends, from 0 to 1.
-        search : BlackBoxBackend
-            The search.
-        **options
-            Options of the search that differ from its defaults.
+        The options are those that differ from the defaults of the search.
         """
         reserve = min(int(self.granted * (1.0 - share)), self.left)
         # The last stage begins in any case, because its first request raises at a limit.

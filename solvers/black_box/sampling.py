@@ -14,13 +14,6 @@ def latin_hypercube(generator: np.random.Generator, count: int, dimension: int) 
     """Return points of the unit cube, shape (count, dimension), one in each slice of each variable.
 
     SciPy's sampler would import its statistics, which takes longer than most searches.
-
-    Parameters
-    ----------
-    generator : numpy.random.Generator
-        Random numbers.
-    count, dimension : int
-        Number of points and of variables.
     """
     slices = np.tile(np.arange(count), (dimension, 1))
     points: Floats = generator.permuted(slices, axis=1).T + generator.random((count, dimension))

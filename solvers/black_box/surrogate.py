@@ -82,7 +82,7 @@ class _Region:
     The first points form a Latin hypercube, which contains the warm start or the centre of the cube. The process
     also uses the points of earlier stages and regions. With constraints, each one has a process of its own: D.
     Eriksson and M. Poloczek, "Scalable constrained Bayesian optimization", AISTATS 2021. The next point has the
-    lowest bound of the objective in the region in which the mean of all constraints is feasible.
+    lowest bound of the objective subject to the means of all constraints.
     """
 
     def __init__(self, objective: Objective, restarted: bool) -> None:

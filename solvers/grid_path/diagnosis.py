@@ -13,22 +13,11 @@ _METHOD = "the free cells that are joined to the start"
 
 
 def diagnose_path(model: GridPath, time_limit: float | None = None) -> Diagnosis:
-    """Return the unreachable goals, with the nearest reachable cell of each.
+    """Return the unreachable goals, with the nearest reachable cell of each, the nearest goal first.
 
     Diagonal steps without cutting corners and straight segments within free cells reach the same cells as
-    steps along rows and columns. One labelling therefore applies to every connectivity.
-
-    Parameters
-    ----------
-    model : GridPath
-        Model to diagnose.
-    time_limit : float, optional
-        Unused, because the diagnosis takes one pass over the map.
-
-    Returns
-    -------
-    Diagnosis
-        A summary, and one finding per unreachable goal, the nearest first.
+    steps along rows and columns. One labelling therefore applies to every connectivity. The time limit is not used,
+    because the diagnosis takes one pass over the map.
     """
     from scipy.ndimage import distance_transform_edt, label
 
