@@ -84,9 +84,10 @@ class _Order:
         assert problem.start is not None
         self.r, self.best, self.limit = problem.turning_radius, best, limit
         speed, heading = problem.speed, problem.heading
-        home = [*problem.start[:2], *(problem.home_drift / speed), 0.0]
+        home = [0.0, 0.0, *(problem.home_drift / speed), 0.0]
+        places = problem.positions - problem.start[:2]
         self.nodes = [np.array(home)] + [
-            np.array([*problem.positions[k], *(problem.velocities[k] / speed), problem.radius[k]])
+            np.array([*places[k], *(problem.velocities[k] / speed), problem.radius[k]])
             for k in order
         ]
         fixed = [0.0, 0.0, heading or 0.0, math.pi if heading is None else 0.0]
