@@ -3,7 +3,8 @@
 Level k holds the states with k visited nodes. States with equal nodes and equal last nodes are merged, and those whose
 bound reaches the length of the incumbent are omitted. A level keeps at most `width` states with the least bounds. The
 least bound of a level and of all states dropped before is a lower bound on every path. The search repeats with larger
-widths until no state is dropped, which is a proof, or a limit is reached. Incumbents come from ``three-exchange``.
+widths until no state is dropped, which is a proof, or a limit is reached. Incumbents come from ``three-exchange``. If
+narrow levels do not suffice, a linear program with cuts (:mod:`.cut_bound`) raises the bound and removes arcs.
 
 Sources: L. Bianco, A. Mingozzi, S. Ricciardelli, "The traveling salesman problem with cumulative costs", Networks 23,
 1993 (bounded dynamic programs); G. Shobaki, J. Jamal, "An exact algorithm for the sequential ordering problem and its
@@ -32,6 +33,7 @@ from ..contract.backend import (
     Request,
     Termination,
 )
+from .cut_bound import cut_bound
 from .level_kernels import BITS, States, expand, new_states
 from .three_exchange import ThreeExchange, costs_of, length_of, nearest_available, root_state
 
@@ -43,6 +45,8 @@ MEMORY = 1_000_000_000
 WORK = 15_000_000_000
 #: Width of the first search and growth factor of the width.
 _NARROW, _WIDER = 16, 4
+#: Width after which the bound by cuts is computed.
+_HARD = 64
 #: Children per state that a level has room for.
 _ROOM = 4
 #: Share of a time limit for the incumbent, and iterations of ``three-exchange`` per node without a limit.
@@ -114,7 +118,7 @@ class _Search:
         self.plan: SequentialOrderingPlan | None = None
         self.value, self.bound, self.root = model.missing, 0.0, 0.0
         self.limit: Limit | None = None
-        self.proven, self.width, self.states = False, 0, 0
+        self.proven, self.cut, self.width, self.states = False, False, 0, 0
 
     def prove(self, bound: float) -> None:
         """Take a lower bound, with rounding errors, on all paths shorter than the incumbent."""
@@ -164,8 +168,27 @@ class _Search:
             if self.width == most:
                 self.limit = Limit.MEMORY if most == room else Limit.ITERATIONS
                 return
+            if self.width >= _HARD and not self.cut:
+                self._cut()
+                root = root_state(self.model, self.cost, self.missing, self.control.flag)
+                if root is None or self.proven:
+                    return
             self.width = min(max(self.width * _WIDER, _NARROW), most)
             self._sweep(root)
+
+    def _cut(self) -> None:
+        """Raise the bound by cuts, and remove the arcs that no shorter path contains."""
+        self.cut, begin, limit = True, clock(), self.request.left()
+
+        def left() -> float:
+            spent = clock() - begin
+            seconds = math.inf if limit is None else _SHARE * limit - spent
+            return 0.0 if self.control.stopped else seconds
+
+        missing = min(self.missing, self.value)
+        bound, arcs = cut_bound(self.model, self.cost, missing, left)
+        self.prove(bound)
+        self.cost = np.where(arcs, self.cost, self.missing)
 
     def _sweep(self, root: States) -> None:
         """Search all levels with the current width."""

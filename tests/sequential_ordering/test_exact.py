@@ -12,6 +12,7 @@ from crosstrack.models.sequential_ordering.orders import OrdersFormulation
 from crosstrack.solvers import Control, Limit, Request
 from crosstrack.solvers.sequential_ordering import bounded_levels, exchange_kernels, level_kernels
 from crosstrack.solvers.sequential_ordering.bounded_levels import BoundedLevels, _Search
+from crosstrack.solvers.sequential_ordering.cut_bound import cut_bound
 from crosstrack.solvers.sequential_ordering.level_kernels import new_states
 from crosstrack.solvers.sequential_ordering.three_exchange import (
     ThreeExchange,
@@ -65,6 +66,31 @@ def test_a_thousand_problems_equal_enumeration(first):
 def test_bounds_of_narrow_searches_are_sound():
     for seed in range(2000, 2060):
         check(seed, width=1 + seed % 2)
+
+
+def test_searches_with_cuts_equal_enumeration(monkeypatch):
+    monkeypatch.setattr(bounded_levels, "_HARD", 0)
+    for seed in range(3000, 3060):
+        check(seed)
+
+
+def test_bounds_by_cuts_are_sound():
+    """The bound is below every path that is shorter than the given length, whose arcs remain."""
+    tight = 0
+    for seed in range(4000, 4060):
+        model = random_problem(seed)
+        least = best(model)
+        if np.isinf(least):
+            continue
+        cost, missing = costs_of(model), least * 1.5 + 1.0
+        bound, arcs = cut_bound(model, cost, missing, lambda: np.inf)
+        assert bound <= least + 1e-9 * missing, seed
+        order = solved(model, BoundedLevels()).point.order
+        assert arcs[order[:-1], order[1:]].all(), seed
+        assert not arcs[cost >= missing].any()
+        tight += bound >= least * (1 - 1e-6) - 1e-6
+    assert tight > 30
+    assert cut_bound(model, cost, missing, lambda: 0.0)[0] == 0.0
 
 
 def test_programs_equal_enumeration():
