@@ -7,9 +7,10 @@ reports the compiling.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from time import perf_counter
+from typing import Any
 
 __all__ = [
     "Limit",
@@ -35,8 +36,8 @@ class OutOfTime(Exception):
     """A computation was stopped by the limit of its run."""
 
 
-def stop_if(flag: Sequence[int] | None) -> None:
-    """Raise :class:`OutOfTime` if the stop flag of a run is set; None is no flag."""
+def stop_if(flag: Any) -> None:
+    """Raise :class:`OutOfTime` if the stop flag of a run, an array with one entry, is set; None is no flag."""
     if flag is not None and flag[0]:
         raise OutOfTime
 
