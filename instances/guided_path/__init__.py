@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     )
 
 #: Names that modules of other problems import, beside the public ones.
-SHARED = ("sop.INFINITE", "sop.read_matrix", "sop.sop_text")
+SHARED = ("sop.INFINITE", "sop.read_matrix", "sop.sop_text", "sop.tour_text")
 CATALOGUE = {"guided-path": ".listing:catalogue_entries"}
 REFERENCES = {"guided-path-tour": ".stops:resolve_references"}
 TABLE_FILES = {"guided-path-tour": ".stops:read_stops"}

@@ -14,6 +14,7 @@ from ...models.guided_path.plan import GuidedPathPlan
 from ...models.guided_path.schedule import labels_of, walk_of
 from ..exports import ExportFormat
 from ..tables import write_rows
+from .sop import tour_text
 
 __all__ = ["CSV", "TSPLIB", "write_stops_csv", "write_tour"]
 
@@ -88,13 +89,7 @@ def write_tour(
         raise UnsupportedFormulation(f"a tour of TSPLIB does not cover {reason}")
     stops = _stops(plan, model)
     nodes = [*(stop + 1 for stop in stops[:-1]), model.size + 1]
-    head = [
-        f"NAME: {' '.join(model.name.split()) or 'tour'}",
-        "TYPE: TOUR",
-        f"DIMENSION: {model.size + 1}",
-        "TOUR_SECTION",
-    ]
-    return write_text(path, "\n".join([*head, *map(str, nodes), "-1", "EOF"]) + "\n")
+    return write_text(path, tour_text(model.name, model.size + 1, nodes))
 
 
 def _stops(plan: GuidedPathPlan, model: GuidedPathTour) -> list[int]:

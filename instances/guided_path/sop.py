@@ -10,6 +10,7 @@ Source: G. Reinelt, "TSPLIB: a traveling salesman problem library", ORSA Journal
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from ...models.guided_path.model import GuidedPathTour
 from ..sections import KeywordFile
 from ..tables import NUMBER
 
-__all__ = ["INFINITE", "read_matrix", "read_sop", "sop_text", "write_sop"]
+__all__ = ["INFINITE", "read_matrix", "read_sop", "sop_text", "tour_text", "write_sop"]
 
 Floats = NDArray[np.float64]
 
@@ -231,6 +232,12 @@ def write_sop(model: GuidedPathTour, path: str | os.PathLike[str]) -> Path:
     words.append(["-1"] * (size - 1) + ["0"])
     comment = f"a line of {model.size - 1} customers"
     return write_text(path, sop_text(model.name, comment, words))
+
+
+def tour_text(name: str, size: int, nodes: Sequence[int]) -> str:
+    """Return the text of a tour of TSPLIB through nodes counted from 1, of `size` nodes."""
+    head = [f"NAME: {' '.join(name.split()) or 'tour'}", "TYPE: TOUR", f"DIMENSION: {size}"]
+    return "\n".join([*head, "TOUR_SECTION", *map(str, nodes), "-1", "EOF"]) + "\n"
 
 
 def sop_text(name: str, comment: str, words: list[list[str]]) -> str:

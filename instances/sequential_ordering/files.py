@@ -19,7 +19,7 @@ from ...models.fields import required
 from ...models.sequential_ordering.model import MOST, SequentialOrdering
 from ...models.sequential_ordering.plan import SequentialOrderingPlan
 from ..exports import ExportFormat
-from ..guided_path.sop import INFINITE, read_matrix, read_sop, sop_text
+from ..guided_path.sop import INFINITE, read_matrix, read_sop, sop_text, tour_text
 from ..storage import Find, reference
 from ..tables import write_rows
 
@@ -154,11 +154,8 @@ def write_path(
 
     Parameters and exceptions are those of :func:`write_ordering_csv`.
     """
-    order = _order(plan, model)
-    name = " ".join(model.name.split()) or "ordering"
-    head = [f"NAME: {name}", "TYPE: TOUR", f"DIMENSION: {model.size}", "TOUR_SECTION"]
-    nodes = [str(node + 1) for node in order]
-    return write_text(path, "\n".join([*head, *nodes, "-1", "EOF"]) + "\n")
+    nodes = [node + 1 for node in _order(plan, model)]
+    return write_text(path, tour_text(model.name.strip() or "ordering", model.size, nodes))
 
 
 def _order(plan: SequentialOrderingPlan, model: SequentialOrdering) -> list[int]:
