@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,23 +24,6 @@ Ints = NDArray[np.int64]
 DIGITS = 1e-13
 #: Number of pieces of segments per batch.
 MOST = 2**13
-
-
-class PathModel(Protocol):
-    """Fields of a model of paths that the checks use."""
-
-    @property
-    def map(self) -> GridMap: ...
-    @property
-    def start(self) -> NDArray[np.int64]: ...
-    @property
-    def goals(self) -> NDArray[np.int64]: ...
-    @property
-    def connectivity(self) -> str: ...
-    @property
-    def reach(self) -> str: ...
-    @property
-    def weights(self) -> Floats | None: ...
 
 
 def depths(grid: GridMap, path: Floats) -> tuple[float, int]:
@@ -146,7 +129,7 @@ def _squeezes(grid: GridMap, path: Floats, accepted: float) -> list[tuple[float,
     return corners
 
 
-def verify_paths(model: PathModel, plan: GridPlan, tolerance: float) -> Verification:
+def verify_paths(model: Any, plan: GridPlan, tolerance: float) -> Verification:
     """Return the cost of `plan` (m) and the checks of all constraints, see :meth:`.Model.verify`."""
     check_tolerance(tolerance)
     required("plan", plan, GridPlan)
@@ -212,7 +195,7 @@ def verify_paths(model: PathModel, plan: GridPlan, tolerance: float) -> Verifica
     return Verification(cost, tuple(checks), scale=0.0)
 
 
-def _along(model: PathModel, path: Floats) -> tuple[float, int, list[str], bool]:
+def _along(model: Any, path: Floats) -> tuple[float, int, list[str], bool]:
     """Return how well a path, in cells, connects the centres of neighbouring cells.
 
     The result is the largest distance to a centre (cells), its point, the wrong steps, and whether the path

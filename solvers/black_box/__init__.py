@@ -21,7 +21,7 @@ BACKENDS = {
     "afsa": ".fish:FishSwarm",
     "cma-es": ".pymoo_searches:CmaEs",
     "particle-swarm": ".pymoo_searches:ParticleSwarm",
-    "nsga-ii": ".multi_objective:NsgaII",
+    "nsga-ii": ".pymoo_searches:NsgaII",
     "surrogate-search": ".surrogate:SurrogateSearch",
     "random-search": ".random_search:RandomSearch",
 }

@@ -12,8 +12,7 @@ from ...errors import InvalidData, UnsupportedFormulation
 from ...jit import clock
 from ...models.black_box.model import BlackBoxMinimisation
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
-from .objective import Ended, Objective
-from .sampling import latin_hypercube
+from .objective import Ended, Objective, latin_hypercube
 
 __all__ = ["BlackBoxBackend", "Ended", "Objective", "latin_hypercube"]
 

@@ -16,9 +16,8 @@ from ...models.black_box.plan import BlackBoxPoint
 from ..contract.backend import Limit, Request
 from .archive import Archive
 from .constraints import PARTS, Constraints
-from .sampling import latin_hypercube
 
-__all__ = ["Ended", "Objective"]
+__all__ = ["Ended", "Objective", "latin_hypercube"]
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +25,16 @@ Floats = NDArray[np.float64]
 _MOST = 2**13
 #: Largest number of evaluations whose points are kept for models of later stages.
 _REMEMBERED = 2000
+
+
+def latin_hypercube(generator: np.random.Generator, count: int, dimension: int) -> Floats:
+    """Return points of the unit cube, shape (count, dimension), one in each slice of each variable.
+
+    SciPy's sampler would import its statistics, which takes longer than most searches.
+    """
+    slices = np.tile(np.arange(count), (dimension, 1))
+    points: Floats = generator.permuted(slices, axis=1).T + generator.random((count, dimension))
+    return points / count
 
 
 class Ended(Exception):
@@ -172,7 +181,9 @@ class Objective:
         self.constraints.begin(self.table(self.point(sample)))
         try:
             for part in range(PARTS):
-                with self.limited(1 / (PARTS - part)):
+                share, now = 1 / (PARTS - part), self._used_time()
+                points = max(int(self.left * share), min(self.left, 1))
+                with self.limited(points, now + (self._share - now) * share):
                     search.search(self)
                 if self.constraints.best is not None:
                     self.start = np.clip(self.unit(self.constraints.best[1]), 0.0, 1.0)
@@ -182,26 +193,22 @@ class Objective:
         return {}
 
     @contextmanager
-    def limited(self, share: float) -> Iterator[None]:
-        """Limit a block to a share of the remaining points and of the remaining time.
+    def limited(self, points: int, until: float) -> Iterator[None]:
+        """Limit a block to some of the remaining points and to a share of the time limit.
 
         ``Ended`` leaves the block only if the whole run, or the stage around the block, must end.
         """
-        outer, now = self._share, self._used_time()
-        reserve = self.left - max(int(self.left * share), min(self.left, 1))
-        self.left, self._reserve = self.left - reserve, self._reserve + reserve
-        self._share = outer if share == 1.0 else now + (outer - now) * share
+        outer, reserve = self._share, max(self.left - points, 0)
+        self.left, self._reserve, self._share = self.left - reserve, self._reserve + reserve, until
         ended = False
         try:
             yield
         except Ended:
             ended = True
         finally:
-            self.left, self._reserve, self._share = (
-                self.left + reserve,
-                self._reserve - reserve,
-                outer,
-            )
+            # Evaluations that the search has begun and not requested are used.
+            self.left = max(self.left - self._ahead, 0) + reserve
+            self._ahead, self._reserve, self._share = 0, self._reserve - reserve, outer
         late = outer < 1.0 and self._used_time() >= outer
         if ended and (self.control.stopped or not self.left or late):
             raise Ended
@@ -262,22 +269,15 @@ class Objective:
 
         The options are those that differ from the defaults of the search.
         """
-        reserve = min(int(self.granted * (1.0 - share)), self.left)
+        points, before = self.left - min(int(self.granted * (1.0 - share)), self.left), self.left
         # The last stage begins in any case, because its first request raises at a limit.
-        if share < 1.0 and (reserve == self.left > 0 or self._used_time() >= share):
+        if share < 1.0 and ((not points and before) or self._used_time() >= share):
             return
-        self.left, self._share, self._reserve = self.left - reserve, share, reserve
-        begin = self.left
         try:
-            self.continue_with(search, **options)
-        except Ended:
-            if self.control.stopped or share >= 1.0:
-                raise
+            with self.limited(points, share):
+                self.continue_with(search, **options)
         finally:
-            self.counts[search.name] = begin - self.left
-            # Evaluations that the search has begun and not requested are used.
-            self.left = max(self.left - self._ahead, 0) + reserve
-            self._ahead, self._share, self._reserve = 0, 1.0, 0
+            self.counts[search.name] = before - self.left
 
     def continue_with(self, search: Any, **options: Any) -> Mapping[str, Any]:
         """Run a search from the best point, with its default options except for `options`."""

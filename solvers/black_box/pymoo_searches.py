@@ -1,4 +1,4 @@
-"""Third-party searches: ``cma-es`` by ``cma``, ``particle-swarm`` by ``pymoo``, which installs ``cma``.
+"""Third-party searches: ``cma-es`` by ``cma``; ``particle-swarm`` and ``nsga-ii`` by ``pymoo``, which installs ``cma``.
 
 The covariance matrix adaptation is called from ``cma`` directly. Pymoo's wrapper suppresses every
 exception, so that a run that must end would appear to have converged.
@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from importlib import import_module
 from typing import Any, ClassVar
 
 import numpy as np
 
+from ...models.black_box.model import BlackBoxMinimisation
 from ..contract.backend import Option
 from .native import BlackBoxBackend, Objective, latin_hypercube
 from .quiet import quiet
 
-__all__ = ["CmaEs", "ParticleSwarm"]
+__all__ = ["CmaEs", "NsgaII", "ParticleSwarm"]
 
 
 #: Number of restarts that double the population; later ones keep its size.
@@ -25,6 +27,8 @@ _DOUBLED = 9
 _MISSING = 1e10
 #: Largest value for the model, which computes products of values.
 _LARGEST = 1e100
+#: Finite substitute for no value.
+_WALL = 1e150
 #: Extent of all particles' best positions, as a share of the cube, at which a swarm has converged.
 _CONVERGED = 1e-8
 
@@ -114,7 +118,23 @@ class CmaEs(BlackBoxBackend):
             restarts += 1
 
 
-class ParticleSwarm(BlackBoxBackend):
+class _Pymoo(BlackBoxBackend):
+    """Base of the searches of pymoo."""
+
+    requires = ("pymoo",)
+    extra = "blackbox"
+    #: Module of the algorithm.
+    module: ClassVar[str]
+
+    def prepare(self) -> None:
+        """Import the search's libraries, outside of the time limit."""
+        from pymoo.config import Config
+
+        Config.warnings["not_compiled"] = False  # suppresses a printed warning
+        import_module(self.module)
+
+
+class ParticleSwarm(_Pymoo):
     """Particle swarm with adaptive weights, restarted after convergence.
 
     J. Kennedy and R. Eberhart, "Particle swarm optimization", ICNN 1995; the weights after Z.-H. Zhan, J.
@@ -123,19 +143,11 @@ class ParticleSwarm(BlackBoxBackend):
 
     name = "particle-swarm"
     summary = "adaptive particle swarm (pymoo), started again when it has converged"
-    requires = ("pymoo",)
-    extra = "blackbox"
+    module = "pymoo.algorithms.soo.nonconvex.pso"
     options: ClassVar[Mapping[str, Option]] = {
         "particles": Option(25, "Particles of a swarm.", int, lower=2, upper=10**5),
         "adaptive": Option(True, "Whether the weights follow the swarm's spread.", bool),
     }
-
-    def prepare(self) -> None:
-        """Import the search's libraries, outside of the time limit."""
-        from pymoo.config import Config
-
-        Config.warnings["not_compiled"] = False  # suppresses a printed warning
-        import pymoo.algorithms.soo.nonconvex.pso  # noqa: F401
 
     def search(self, objective: Objective) -> Mapping[str, Any]:
         """Run one swarm after another until the run ends."""
@@ -158,3 +170,58 @@ class ParticleSwarm(BlackBoxBackend):
                 infills.set("F", objective(infills.get("X"))[:, None])
                 swarm.tell(infills=infills)
                 spread = float(np.ptp(swarm.pop.get("X"), axis=0).max())
+
+
+class NsgaII(_Pymoo):
+    """Non-dominated sorting genetic algorithm II with feasibility rules.
+
+    K. Deb, A. Pratap, S. Agarwal and T. Meyarivan, "A fast and elitist multiobjective genetic algorithm:
+    NSGA-II", IEEE Transactions on Evolutionary Computation 6 (2002). The answer is the front with the largest
+    hypervolume over all evaluated points, not the last population.
+    """
+
+    name = "nsga-ii"
+    summary = "non-dominated sorting genetic algorithm (pymoo), for two to four objectives"
+    module = "pymoo.algorithms.moo.nsga2"
+    options: ClassVar[Mapping[str, Option]] = {
+        "population": Option(
+            100,
+            "Points of a generation; at most a tenth of the evaluations.",
+            int,
+            lower=4,
+            upper=10**4,
+        ),
+        "front": Option(100, "Largest number of points of the front.", int, lower=1, upper=1000),
+    }
+    several_objectives = True
+
+    def refuses(self, problem: BlackBoxMinimisation) -> str:
+        """Return the reason if the model has one objective, else an empty string."""
+        if problem.objectives == 1:
+            return "it needs at least two objectives, got 1"
+        return super().refuses(problem)
+
+    def search(self, objective: Objective) -> Mapping[str, Any]:
+        """Evolve until the run ends; start again if no new points can be made."""
+        from pymoo.algorithms.moo.nsga2 import NSGA2
+        from pymoo.core.problem import Problem
+        from pymoo.core.termination import NoTermination
+
+        d, m = objective.dimension, objective.problem.objectives
+        count = max(min(objective.options["population"], objective.granted // 10), 4)
+        problem = Problem(n_var=d, n_obj=m, n_ieq_constr=1, xl=np.zeros(d), xu=np.ones(d))
+        while True:
+            first = latin_hypercube(objective.generator, count, d)
+            if objective.start is not None:
+                first[0], objective.start = objective.start, None
+            search = NSGA2(count, sampling=first)
+            seed = int(objective.generator.integers(2**32))
+            search.setup(problem, termination=NoTermination(), seed=seed)
+            while (infills := search.ask()) is not None and len(infills):
+                points = objective.point(infills.get("X"))
+                table = objective.table(points)
+                violation = objective.constraints.violation(table)
+                infills.set("X", np.clip(objective.unit(points), 0.0, 1.0))
+                infills.set("F", np.clip(table[:, :m], -_WALL, _WALL))
+                infills.set("G", np.clip(violation, 0.0, _WALL)[:, None])
+                search.tell(infills=infills)

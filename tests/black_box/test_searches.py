@@ -56,9 +56,8 @@ def test_searches_that_draw_go_on_when_they_have_converged(name):
 
 @pytest.mark.parametrize("name", EVERY)
 def test_the_same_seed_gives_the_same_points(name):
-    model = box(
-        {"name": "ackley", "shift": [0.3] * 3}, *[(-4, 5)] * 3, budget=allowed(name, 60, 300)
-    )
+    budget = 300 if name == "cobyqa" else allowed(name, 60, 300)  # until it draws a start
+    model = box({"name": "ackley", "shift": [0.3] * 3}, *[(-4, 5)] * 3, budget=budget)
     (_, first), (_, again), (_, other) = (search(name, model, seed) for seed in (3, 3, 4))
     assert first.points == again.points
     assert (first.points == other.points) is (Feature.SEED not in find_backend(name).features)
@@ -131,7 +130,8 @@ def test_no_value_anywhere(name):
     ],
 )
 def test_strange_functions(name, function, bounds, most):
-    model = box(function, *bounds, budget=allowed(name, 60, 200))
+    budget = 200 if name == "cobyqa" else allowed(name, 60, 200)
+    model = box(function, *bounds, budget=budget)
     answer, _ = search(name, model, seed=1)
     found = model.verify(answer.point)
     assert found.ok and found.objective <= most and not answer.message
@@ -433,7 +433,7 @@ def test_the_shares_of_the_stages_increase_to_all_evaluations(d, evaluations):
     assert not last.most and last.requires == ("scipy",)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(
     d=st.integers(1, 4),
     budget=st.integers(3, 120),
@@ -498,7 +498,7 @@ def test_the_portfolio_is_no_worse_than_its_searches_on_a_path():
 def test_the_portfolio_counts_the_evaluations_of_all_stages():
     """Each incumbent has the number of its evaluation in the whole run."""
     control = Control()
-    _, oracle = search("portfolio", box("sphere", *[(-1.0, 2.0)] * 3, budget=300), control=control)
+    _, oracle = search("portfolio", box("sphere", *[(-1.0, 2.0)] * 3, budget=150), control=control)
     values = (np.array(oracle.points) ** 2).sum(axis=1)
     places = []
     while not control.events.empty():
