@@ -72,18 +72,9 @@ def read_geojson_polygons(
 
 
 class Shape(NamedTuple):
-    """Geometry in a GeoJSON file.
+    """Geometry in a GeoJSON file: its place for messages, a name of ``_KINDS``, and the properties of its feature.
 
-    Parameters
-    ----------
-    place : str
-        Location in the file, for messages.
-    kind : str
-        ``"Point"``, ``"LineString"`` or ``"Polygon"``.
-    coordinates : list
-        A position, the positions of a line, or the rings of a polygon. A position has 2 or more values.
-    properties : mapping
-        Properties of its feature.
+    The coordinates are a position, the positions of a line, or the rings of a polygon.
     """
 
     place: str
@@ -117,14 +108,7 @@ def geometries(
 ) -> Iterator[Shape]:
     """Yield the geometries of GeoJSON; those in collections one by one, and none of a feature without one.
 
-    Parameters
-    ----------
-    value : object
-        GeoJSON object.
-    kinds : sequence of str
-        Allowed kinds; others are refused by name.
-    place, properties
-        Location of the object in its file, and properties of its feature.
+    Kinds that are not in `kinds` are refused by name. `place` and `properties` are those of the feature.
     """
     kind = value.get("type") if isinstance(value, Mapping) else None
     types = (*_COLLECTIONS, "Feature", *(f"Multi{name}" for name in kinds), *kinds)

@@ -53,28 +53,10 @@ class Cells(Array):
 def read_cells(
     lines: Sequence[str], where: str = "blocked", first: tuple[int, int] = (0, 0), free: str = _FREE
 ) -> Truths:
-    """Return the cells of a map in lines of text with one character per cell.
+    """Return which cells of a map are blocked, from lines of text with one character per cell.
 
-    Parameters
-    ----------
-    lines : sequence of str
-        Rows of the map.
-    where : str, default "blocked"
-        Name of the text in messages, such as a file.
-    first : tuple of int, default (0, 0)
-        Numbers of the first line and of the first character in messages.
-    free : str
-        Characters of free cells.
-
-    Returns
-    -------
-    ndarray of bool, shape (rows, columns)
-        True if blocked.
-
-    Raises
-    ------
-    InvalidData
-        A character is unknown, or the lengths of the lines differ. The message names line and column.
+    Messages name `where`, such as a file, and count lines and characters from `first`. A character that is unknown, and
+    lines of different length, raise ``InvalidData``. `free` are the characters of free cells.
     """
     width = len(lines[0]) if lines else 0
     for number, line in enumerate(lines, first[0]):
@@ -105,16 +87,9 @@ def _require_few(where: str, cells: int) -> None:
 
 
 def enlarged(blocked: Truths, reach: float | Fraction) -> Truths:
-    """Return the blocked cells and those nearer than `reach` to one, compared by exact arithmetic.
+    """Return the blocked cells and those nearer than `reach` cells to one, compared by exact arithmetic.
 
-    The distance of two cells is that of their nearest points.
-
-    Parameters
-    ----------
-    blocked : ndarray of bool, one dimension per axis
-        Cells.
-    reach : float or Fraction
-        Distance in cells.
+    The distance of two cells is that of their nearest points. There may be any number of axes.
     """
     from scipy.ndimage import distance_transform_edt
 

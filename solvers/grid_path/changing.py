@@ -24,12 +24,8 @@ _ONE, _SEVERAL = Array((2,), int), Goals(("k", 2), int)
 class ChangingMap:
     """Map of a prepared solver, see :class:`.PreparedMap`.
 
-    Attributes
-    ----------
-    blocked : ndarray of bool, shape (rows, columns)
-        Cells for the verification.
-    walls : ndarray of uint8, shape ((rows + 2) * (columns + 2),)
-        The same cells for the searches, with a frame.
+    Attributes `blocked`, shape (rows, columns), for the verification and `walls`, with a frame and flat, for the searches
+    have the same cells.
     """
 
     def __init__(self, grid: GridMap, radius: float) -> None:
