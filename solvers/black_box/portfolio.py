@@ -20,25 +20,26 @@ Stage = tuple[type[BlackBoxBackend], float, dict[str, Any]]
 
 #: Evaluations per variable up to which they are few, or some.
 _FEW, _SOME = 35, 150
-#: Evaluations up to which they are few if there are constraints, for which the strategy has no model.
-_CONSTRAINED = 600
 #: Largest number of evaluations of the surrogate search.
 _MODELLED = 500
 #: Duration of an evaluation (s) above which a time limit, not the budget, may determine the stages.
 _SLOW = 0.01
 
 
-def stages(
-    dimension: int, evaluations: int, parallel: bool = False, constrained: bool = False
-) -> list[Stage]:
+def stages(dimension: int, evaluations: int, parallel: bool = False) -> list[Stage]:
     """Return the searches in their order. The last one uses all remaining evaluations.
 
     The shares were chosen on the development set of ``tests/benchmarks/black_box/search_ranks.py``, never on the
-    functions of the published table. If several points are evaluated at once, searches that request single points are
-    left out.
+    functions of the published table.
+
+    Parameters
+    ----------
+    dimension, evaluations : int
+        Number of free variables and of evaluations.
+    parallel : bool
+        Whether several points are evaluated at once. Searches that request single points are then left out.
     """
-    few = evaluations <= (max(_FEW * dimension, _CONSTRAINED) if constrained else _FEW * dimension)
-    many = evaluations > _SOME * dimension and not few
+    many, few = evaluations > _SOME * dimension, evaluations <= _FEW * dimension
     parts: list[Stage]
     if parallel:
         parts = [] if few else [(CmaEs, 1.0 if many else 0.6, {})]
@@ -92,10 +93,7 @@ class Portfolio(BlackBoxBackend):
             unit = objective.generator.random(unit.shape)
         else:
             count = objective.affordable(seconds)
-        constrained = objective.constraints.scales.size > 0
-        for kind, share, options in stages(
-            objective.dimension, count, objective.parallel > 1, constrained
-        ):
+        for kind, share, options in stages(objective.dimension, count, objective.parallel > 1):
             search = kind()
             if kind is Cobyqa and objective.problem.layout.discrete[objective.free].all():
                 continue  # rounded variables have no slopes
