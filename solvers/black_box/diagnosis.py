@@ -36,25 +36,18 @@ def diagnose_black_box(model: BlackBoxMinimisation, time_limit: float | None = N
     values = [check.objective for check in checks]
     known = [check.objective for check in checks if check.ok and check.objective is not None]
     findings = (*_ranges(model, free), *_values(places, values), *_constraints(places, checks))
-    if known and model.columns > 1:
-        summary = (
-            f"a plan exists: all constraints hold at {len(known)} of {len(places)} points, with the least objective "
-            f"{min(known):.6g}; nothing is proven of the least value of all"
-        )
-    elif any(value is not None for value in values) and not known:
-        summary = (
-            f"not settled: constraints are violated at all of {len(places)} points, and values alone cannot show "
-            "that they are violated everywhere"
-        )
-    elif known:
-        summary = (
-            f"a plan exists: the function has a value at {len(known)} of {len(places)} points, the least "
-            f"{min(known):.6g}; nothing is proven of the least value of all"
-        )
+    count, unproven = len(places), "nothing is proven of the least value of all"
+    has_value = any(value is not None for value in values)
+    if known:
+        what = "all constraints hold" if model.columns > 1 else "the function has a value"
+        summary = f"a plan exists: {what} at {len(known)} of {count} points, the least {min(known):.6g}; {unproven}"
     else:
+        what = (
+            "constraints are violated at all" if has_value else "the function has no value at any"
+        )
+        where = "they are violated everywhere" if has_value else "there is none elsewhere"
         summary = (
-            f"not settled: the function has no value at any of {len(places)} points, and values alone "
-            "cannot show that there is none elsewhere"
+            f"not settled: {what} of {count} points, and values alone cannot show that {where}"
         )
     method = "values at the centre and in corners"
     return Diagnosis(model.name, True if known else None, method, summary, findings)

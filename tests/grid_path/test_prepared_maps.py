@@ -44,10 +44,11 @@ def lengths_from(grid, start, diagonal, weights=None):
     return far.reshape(grid.shape)
 
 
-def test_ten_thousand_random_queries_equal_dijkstra():
+@pytest.mark.parametrize("count", [2000, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_random_queries_equal_dijkstra(count):
     rng = np.random.default_rng(5)
     queries = none = 0
-    while queries < 10_000:
+    while queries < count:
         grid = random_map(rng)
         weights = rng.uniform(0.1, 9.0, grid.shape) if rng.random() < 0.25 else None
         prepared = ct.prepare(grid, weights=weights)
@@ -69,7 +70,7 @@ def test_ten_thousand_random_queries_equal_dijkstra():
                     assert verification.objective == pytest.approx(best, rel=1e-11, abs=1e-12)
                     cells = grid.cells_of(answer.plan.paths[0])
                     assert keeps_the_rules(grid.blocked, cells, kind == "8")
-    assert 500 < none < 8000
+    assert 0.05 * count < none < 0.8 * count
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -84,7 +85,7 @@ def test_scenarios_have_their_published_lengths(name):
 
 @given(st.integers(0, 2**32 - 1))
 @settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_changed_maps_equal_fresh_preparations(seed):
     """Paths, distances and proofs of infeasibility are those of a new preparation."""
@@ -273,8 +274,9 @@ def test_wild_maps():
     assert row.change(np.empty((0, 2), int), True) == 0
 
 
-def test_a_map_of_four_million_cells():
-    grid = GridMap(np.random.default_rng(1).random((2000, 2000)) < 0.2)
+@pytest.mark.parametrize("side", [700, pytest.param(2000, marks=pytest.mark.slow)])
+def test_a_map_of_many_cells(side):
+    grid = GridMap(np.random.default_rng(1).random((side, side)) < 0.2)
     prepared = ct.prepare(grid)
     free = np.argwhere(~grid.blocked)
     for start, goal in ((free[0], free[-1]), (free[7], free[900])):

@@ -198,12 +198,13 @@ def test_scale_and_place_change_nothing():
             assert np.array_equal(again.blocked, grid.blocked)
 
 
-def test_ten_thousand_polygons():
-    rng = np.random.default_rng(1)
-    corners = rng.random((10_000, 1, 2)) * 1000
-    triangles = corners + [[0, 0], [5, 1], [2, 6]] * rng.uniform(0.2, 1, (10_000, 1, 1))
-    grid = GridMap.from_polygons(triangles, (0, 0, 1000, 1000), 1, 0.25)
-    sample = rng.integers(0, 1000, (4000, 2))
+@pytest.mark.parametrize("side", [400, pytest.param(1000, marks=pytest.mark.slow)])
+def test_many_polygons(side):
+    rng, count = np.random.default_rng(1), side**2 // 100
+    corners = rng.random((count, 1, 2)) * side
+    triangles = corners + [[0, 0], [5, 1], [2, 6]] * rng.uniform(0.2, 1, (count, 1, 1))
+    grid = GridMap.from_polygons(triangles, (0, 0, side, side), 1, 0.25)
+    sample = rng.integers(0, side, (4000, 2))
     tree = shapely.STRtree(shapely.polygons(triangles))
     near = tree.query(boxes(grid, sample), predicate="dwithin", distance=0.25)[0]
     met = np.zeros(len(sample), bool)

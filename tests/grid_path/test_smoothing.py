@@ -45,7 +45,7 @@ def walks(seed, count, most=25):
 @pytest.mark.parametrize("how", ["greedy", "visibility"])
 def test_paths_get_shorter_and_stay_free(how):
     gains = []
-    for model, path in walks(1, 60):
+    for model, path in walks(1, 25):
         grid = model.map
         found = smooth(grid, path, how)
         best = ct.solve(model, "any-angle").primal_bound
