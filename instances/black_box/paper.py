@@ -6,7 +6,7 @@ from ..paper import Paper, ResultTable, corrected, different, printed
 
 __all__ = ["MAPS", "PAPER", "SEARCHES"]
 
-_MOVES, _SWARMS = "solvers.black_box.fish_moves", "solvers.black_box.fish_swarms"
+_SWARMS = "solvers.black_box.fish_swarms"
 _AFSA, _IAFSA = f"{_SWARMS}:Swarm", f"{_SWARMS}:ImprovedSwarm"
 _RAND = (
     "rand(0, 1) can only increase a variable, so a fish would never look downwards. Here rand is in [-1, 1], one number per "
@@ -30,7 +30,7 @@ FUNCTIONS = {
 
 ITEMS = (
     printed(
-        "eq. 1", "distance of two fish", f"{_MOVES}:leaders",
+        "eq. 1", "distance of two fish", f"{_SWARMS}:leaders",
         "Distances are Euclidean in the unit cube, which equals the print if all variables have the same range.",
     ),
     corrected("eq. 2", "prey: a point within the visual", f"{_SWARMS}:Swarm.sample_around", _RAND),
@@ -46,14 +46,14 @@ ITEMS = (
     ),
     corrected("eq. 7", "leap within the visual", f"{_SWARMS}:Swarm.prey", _RAND),
     printed("eq. 8-9", "opposite point of each fish, in each iteration", f"{_SWARMS}:ImprovedSwarm.cycle"),
-    printed("eq. 10", "attenuation of the visual, s = 3", f"{_MOVES}:attenuation"),
+    printed("eq. 10", "attenuation of the visual, s = 3", f"{_SWARMS}:attenuation"),
     printed(
         "eq. 11", "attenuated visual", f"{_SWARMS}:ImprovedSwarm.ranges",
         "The visual on the right is the initial one. If each iteration shrank the last one, Easom would end at 0.010 instead of "
         "0.0007 (mean of 15 runs of 50 iterations; printed 0.0030). The smallest visual is not printed: 0.001 of the range.",
     ),
     printed(
-        "eq. 12", "Gaussian factor of the step", f"{_MOVES}:gaussian",
+        "eq. 12", "Gaussian factor of the step", f"{_SWARMS}:gaussian",
         "μ is 0. σ is not printed: 0.4, for which the factor is 1 at the start (option sigma). 0.2 gives Easom 0.013.",
     ),
     printed(
@@ -61,7 +61,7 @@ ITEMS = (
         "The step on the right is the initial one. The smallest step is not printed: 0.001 of the range.",
     ),
     printed(
-        "eq. 14", "inertia weight β", f"{_MOVES}:inertia",
+        "eq. 14", "inertia weight β", f"{_SWARMS}:inertia",
         "Section 4 prints 0.2 at the start and 0.9 at the end. The prose calls β large at the start. With 0.9 to "
         "0.2, Booth ends at 0.026 instead of 0.006 (printed 0.0007), so the printed values stay.",
     ),
@@ -102,8 +102,8 @@ ITEMS = (
         "which has no part in the paper. The bounds are not printed: ours are the usual ones. Booth has a single minimum and "
         "Bohachevsky several, contrary to the prose.",
     ),
-    printed("Figure 1", "α over time for several s", f"{_MOVES}:attenuation"),
-    printed("Figure 2", "β and 1 - β over time", f"{_MOVES}:inertia"),
+    printed("Figure 1", "α over time for several s", f"{_SWARMS}:attenuation"),
+    printed("Figure 2", "β and 1 - β over time", f"{_SWARMS}:inertia"),
     different("Figure 4", "best value over iterations", f"{_SWARMS}:Swarm.cycle", "The curves have no data in the text."),
     different("Figures 5-11", "robot, environments, maps, paths", "instances.black_box.paths:path_instance", _NO_ROBOT),
 )  # fmt: skip

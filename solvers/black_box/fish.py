@@ -1,6 +1,6 @@
 """``afsa``, ``haafsa`` and ``iafsa``: minimisation by swarms of artificial fish.
 
-Sources: see :mod:`.fish_moves`, and Z.-H. Yao, Z.-H. Ren, X.-H. Zhu and S.-C. Li, "Path planning for coalmine
+Sources: see :mod:`.fish_swarms`, and Z.-H. Yao, Z.-H. Ren, X.-H. Zhu and S.-C. Li, "Path planning for coalmine
 rescue robot based on hybrid adaptive artificial fish swarm algorithm", TELKOMNIKA Indonesian Journal of
 Electrical Engineering 12(10), 2014, doi 10.11591/telkomnika.v12i8.5247.
 """

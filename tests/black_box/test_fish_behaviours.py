@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 
 from crosstrack.models.black_box.model import BlackBoxMinimisation
 from crosstrack.solvers.black_box.fish import converged
-from crosstrack.solvers.black_box.fish_moves import (
+from crosstrack.solvers.black_box.fish_swarms import (
+    AdaptiveSwarm,
+    ImprovedSwarm,
+    Swarm,
     attenuation,
     gaussian,
     inertia,
@@ -20,7 +23,6 @@ from crosstrack.solvers.black_box.fish_moves import (
     segment,
     towards,
 )
-from crosstrack.solvers.black_box.fish_swarms import AdaptiveSwarm, ImprovedSwarm, Swarm
 from crosstrack.solvers.black_box.native import Ended, Objective
 from crosstrack.solvers.contract.backend import Control, Request
 
