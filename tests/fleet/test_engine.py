@@ -69,6 +69,8 @@ def test_incremental_values_equal_recomputed_ones(seed, objective, count, vehicl
     loads = loads_of(model, plan) / model.distances.max()
     assert routes.values[0] == pytest.approx(loads)
     assert routes.values[2].tolist() == [len(stops) for stops in plan.routes]
+    if model.demands is not None:
+        assert routes.values[1].tolist() == [model.demands[list(x)].sum() for x in plan.routes]
 
 
 @pytest.mark.parametrize("vehicles", [1, 3])

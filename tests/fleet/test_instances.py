@@ -132,7 +132,7 @@ def test_table_2_measures_a_file_or_states_that_it_is_absent(monkeypatch, tmp_pa
                 more["options"] = {"steps": 10, "bound": False}
             return super().run(model, backend, **more)
 
-    values = table_2(("bayg29", "Kmeans-AC"), Quick(runs=2, time_limit=0.5))
+    values = table_2(("bayg29", "Kmeans-AC"), Quick(runs=2, time_limit=5))
     assert values["best"] <= values["mean"] <= values["worst"]
     assert values["runs"] == 2
     monkeypatch.setenv("CROSSTRACK_TSPLIB", str(tmp_path))

@@ -124,7 +124,7 @@ def wild():
     }  # fmt: skip
     yield (
         "slow on one axis, and hard to push",
-        {"velocity_limit": [1e-3, 1e3], "acceleration_limit": [1e3, 1e-3]},
+        {"velocity_limit": [1e-3, 1e3], "acceleration_limit": [1e3, 1e-3], "separation": 0.0},
     )
     yield "no obstacle at all", {"obstacles": [], "radius": 0.0}
     yield (
