@@ -183,13 +183,13 @@ def test_limits_are_honoured() -> None:
         "tpha": {"generations": 10**6},
     }
     for name, options in long.items():
-        found = ct.solve(model, name, time_limit=0.2, backend_options=options)
+        found = ct.solve(model, name, time_limit=0.4, backend_options=options)
         assert found.verification.ok, name
         assert found.limit is Limit.TIME, name
         assert found.seconds["solve"] < 2.0, name
         # Again and again until the time is used up.
         few = FleetRouting(2, points=ring(8))
-        found = solved(few, name, time_limit=0.1, seed=1, options={"restarts": True})
+        found = solved(few, name, time_limit=0.3, seed=1, options={"restarts": True})
         assert found.limit is Limit.TIME, name
         assert found.statistics["runs"] > 1, name
 
@@ -268,7 +268,7 @@ def test_yardsticks_stop_in_time(name: str) -> None:
     pytest.importorskip(YARDSTICKS[name], reason=f"{name} is not installed")
     for objective in ("max", "sum"):
         points = np.random.default_rng(2).random((200, 2))
-        found = ct.solve(FleetRouting(8, points=points, objective=objective), name, time_limit=0.3)
+        found = ct.solve(FleetRouting(8, points=points, objective=objective), name, time_limit=0.7)
         assert found.verification.ok
         assert found.limit is Limit.TIME
         assert found.seconds["solve"] < 2.5
@@ -279,7 +279,7 @@ def test_restarts_pay() -> None:
     model = FleetRouting(3, points=np.random.default_rng(4).random((40, 2)))
     for name in PHASED:
         once = solved(model, name, seed=1)
-        again = solved(model, name, seed=1, time_limit=0.25, options={"restarts": True})
+        again = solved(model, name, seed=1, time_limit=0.5, options={"restarts": True})
         assert again.primal_bound < once.primal_bound
 
 
