@@ -35,28 +35,10 @@ _TEXTS = "texts"
 
 
 def read_apart(reader: str, path: Path, raw: bytes, suffix: str) -> tuple[dict[str, Any], Any]:
-    """Return what a reader makes of the content of a file.
+    """Return the arrays and JSON data that a reader in :data:`READERS` makes of a file.
 
-    Parameters
-    ----------
-    reader : str
-        Name in :data:`READERS`.
-    path : Path
-        File, for messages.
-    raw : bytes
-        Its content after decompression.
-    suffix : str
-        Suffix that the library requires of the file.
-
-    Returns
-    -------
-    dict of str to ndarray, dict of str to object
-        Arrays and JSON data.
-
-    Raises
-    ------
-    InvalidData
-        The library refuses the file, crashes, or exceeds its time or memory.
+    `path` is the file, for messages, `raw` its content after decompression, and `suffix` the one that the library
+    requires. Raise ``InvalidData`` if the library refuses the file, crashes, or exceeds its time or memory.
     """
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder, f"program{suffix}")

@@ -62,27 +62,11 @@ _MOST_SEMIDEFINITE = 2_500_000
 def read_cbf(path: Path) -> RowProgram:
     """Return the program in a file in the Conic Benchmark Format, version 1 to 4 (Friberg 2016).
 
-    The columns are the scalar variables, then the lower triangles of the matrix variables row by row.
-    The cones are those of the scalar variables, the matrix variables, the scalar constraints and the
-    matrix constraints.
-
-    Parameters
-    ----------
-    path : Path
-        The file, which may be compressed. Comments start with ``#``.
-
-    Returns
-    -------
-    MixedIntegerProgram or ConicProgram
-        A conic program if the file has other cones than linear ones.
-
-    Raises
-    ------
-    InvalidData
-        The file is damaged, or has an unknown section; the message names the line.
-    UnsupportedFormulation
-        The file has power cones, dual exponential cones, geometric means, changes, or integers together
-        with cones.
+    The columns are the scalar variables, then the lower triangles of the matrix variables row by row. The cones
+    are those of the scalar variables, the matrix variables, the scalar constraints and the matrix constraints;
+    with linear ones alone, the program is linear. Comments start with ``#``. Raise ``InvalidData`` with the line
+    if the file is damaged or has an unknown section, and ``UnsupportedFormulation`` for power cones, dual
+    exponential cones, geometric means, changes, or integers together with cones.
     """
     return _File(Lines(path, "#")).program()
 

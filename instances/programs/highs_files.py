@@ -25,27 +25,12 @@ _PARTS = ("data", "indices", "indptr")
 
 
 def read_mps(path: Path) -> RowProgram:
-    """Return the program in a fixed or free MPS file.
+    """Return the program in a fixed or free MPS file, with the names of rows and columns.
 
-    Readers disagree on parts of the format. An integer column of a marker without bounds is binary
-    here, a negative upper bound needs a lower bound, and the right-hand side of the objective is minus
-    its constant. Ambiguous or unknown content is refused. Coefficients of at most 1e-12 are refused,
-    too, because HiGHS drops them.
-
-    Parameters
-    ----------
-    path : Path
-        The file, which may be compressed.
-
-    Returns
-    -------
-    MixedIntegerProgram or QuadraticProgram
-        The program with the names of rows and columns.
-
-    Raises
-    ------
-    InvalidData
-        The file is damaged, or has a section that no program can express, such as SOS or INDICATORS.
+    Readers disagree on parts of the format. An integer column of a marker without bounds is binary here, a
+    negative upper bound needs a lower bound, and the right-hand side of the objective is minus its constant.
+    ``InvalidData`` is raised for ambiguous or unknown content, and for sections that no program can express, such
+    as SOS or INDICATORS. Coefficients of at most 1e-12 are refused, too, because HiGHS drops them.
     """
     raw = read_raw(path)
     MpsScan.check(path, raw)
@@ -89,17 +74,9 @@ def _named(what: str, names: list[str]) -> tuple[Block, ...]:
 
 
 def arrays_of_file(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the arrays and names in a file; runs in a separate process.
+    """Return the arrays and names in a file whose suffix names the format; runs in a separate process.
 
-    Parameters
-    ----------
-    path : Path
-        File whose suffix names the format.
-
-    Raises
-    ------
-    InvalidData
-        HiGHS refuses the file or ignores a part of it.
+    Raise ``InvalidData`` if HiGHS refuses the file or ignores a part of it.
     """
     import highspy
 

@@ -61,24 +61,11 @@ def _export(library: str) -> Iterator[None]:
 
 @_export("PuLP")
 def program_of_pulp(model: Any) -> RowProgram:
-    """Return the program of a ``pulp.LpProblem``.
+    """Return the program of a ``pulp.LpProblem`` with the names of variables and constraints.
 
-    Parameters
-    ----------
-    model : object
-        The whole model of the library. :meth:`.Solution.assign` sets the values of its variables.
-
-    Returns
-    -------
-    MixedIntegerProgram or QuadraticProgram
-        The program with the names of variables and constraints; a maximisation is negated.
-
-    Raises
-    ------
-    InvalidData
-        The object is not a whole model, has no variables, a number is not finite, or the objective is not convex.
-    UnsupportedFormulation
-        The model has parts without an equivalent, such as special ordered sets.
+    A maximisation is negated, and :meth:`.Solution.assign` sets the values of the variables. Raise
+    ``InvalidData`` if the object is not a whole model, has no variables, a number is not finite, or the objective
+    is not convex, and ``UnsupportedFormulation`` for parts without an equivalent, such as special ordered sets.
     """
     import pulp
 

@@ -35,19 +35,9 @@ class Entries:
 
 
 class Lines:
-    """Cursor over the lines that are neither blank nor comments.
+    """Cursor over the lines of a UTF-8 text file that are neither blank nor comments.
 
-    Parameters
-    ----------
-    path : Path
-        UTF-8 text file, which may be compressed.
-    marks : str
-        Characters that start a comment, at the start of a line or after a blank.
-
-    Raises
-    ------
-    InvalidData
-        The file cannot be read; see :func:`.read_raw`.
+    `marks` are characters that start a comment, at the start of a line or after a blank.
     """
 
     def __init__(self, path: Path, marks: str) -> None:

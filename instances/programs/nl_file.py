@@ -22,18 +22,8 @@ __all__ = ["arrays_of_file", "read_nl"]
 def read_nl(path: Path) -> NonlinearProgram:
     """Return the program in a file in AMPL's NL format, in text form.
 
-    The names of columns and rows are those in the files with the suffixes ``.col`` and ``.row`` beside
-    it, if they exist.
-
-    Parameters
-    ----------
-    path : Path
-        The file, which may be compressed.
-
-    Raises
-    ------
-    InvalidData
-        The file is damaged or binary, or CasADi does not support a part of it.
+    The names of columns and rows are those in the files with the suffixes ``.col`` and ``.row`` beside it, if
+    they exist. Raise ``InvalidData`` if the file is damaged or binary, or CasADi does not support a part of it.
     """
     raw = read_raw(path)
     # CasADi negates the objective of a maximisation.

@@ -23,25 +23,10 @@ Vector = NDArray[np.float64]
 def read_qplib(path: Path) -> RowProgram:
     """Return the program in a file of QPLIB (Furini et al. 2019, appendix of the supplement).
 
-    The starting values of variables and of multipliers are read and ignored, because no answer depends
-    on them.
-
-    Parameters
-    ----------
-    path : Path
-        The file, which may be compressed. Comments start with ``#``, ``!`` or ``%``.
-
-    Returns
-    -------
-    MixedIntegerProgram or QuadraticProgram
-        A quadratic program if the objective has quadratic terms.
-
-    Raises
-    ------
-    InvalidData
-        The file is damaged, or contradicts its problem type; the message names the line.
-    UnsupportedFormulation
-        A constraint is quadratic, or the objective is not convex.
+    It is quadratic if the objective has quadratic terms. The starting values of variables and of multipliers are
+    read and ignored, because no answer depends on them. Comments start with ``#``, ``!`` or ``%``. Raise
+    ``InvalidData`` with the line if the file is damaged or contradicts its problem type, and
+    ``UnsupportedFormulation`` if a constraint is quadratic or the objective is not convex.
     """
     lines = Lines(path, "#!%")
     name = " ".join(lines.next())

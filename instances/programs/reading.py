@@ -70,23 +70,10 @@ def stated_program(
 ) -> RowProgram:
     """Return the linear or convex quadratic program with an objective in the direction of its author.
 
-    Parameters
-    ----------
-    maximise : bool
-        Whether the author maximises ``x @ hessian @ x / 2 + cost @ x + offset``.
-    cost : array_like
-        Linear coefficients, shape (n,).
-    offset : float
-        Constant.
-    hessian : sparse array, optional
-        Symmetric matrix, shape (n, n). The program is linear if all its entries are 0.
-    **fields
-        Other fields of both classes of programs.
-
-    Raises
-    ------
-    InvalidData
-        A field is invalid, or the objective is not convex in a minimisation; the field is then "hessian".
+    The author minimises, or maximises, ``x @ hessian @ x / 2 + cost @ x + offset`` with a symmetric `hessian`,
+    shape (n, n), or None. The program is linear if all its entries are 0. `fields` are the other fields of both
+    classes. Raise ``InvalidData`` if a field is invalid, or, for the field "hessian", if the objective is not
+    convex in a minimisation.
     """
     sign = -1.0 if maximise else 1.0
     fields |= {"cost": sign * np.array(cost, float), "offset": sign * offset, "maximise": maximise}

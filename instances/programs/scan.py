@@ -43,19 +43,9 @@ class Unread(ValueError):
 
 
 class Scan(ABC):
-    """Strict reading of a text file, and its position for messages.
+    """Strict reading of the content of a text file, and its position for messages.
 
-    Parameters
-    ----------
-    path : Path
-        The file, for messages.
-    raw : bytes
-        Its content.
-
-    Raises
-    ------
-    InvalidData
-        The file is not UTF-8 or contains control characters.
+    Raise ``InvalidData`` if the file is not UTF-8 or contains control characters.
     """
 
     def __init__(self, path: Path, raw: bytes) -> None:
@@ -74,11 +64,8 @@ class Scan(ABC):
     def check(cls, path: Path, raw: bytes) -> Self:
         """Return the scan of a file after reading its whole content.
 
-        Raises
-        ------
-        InvalidData
-            The content is damaged, ambiguous or not supported: the library that reads the file afterwards
-            would misread or ignore a part of it. The message names the line and the section.
+        Raise ``InvalidData`` with line and section if the content is damaged, ambiguous or not supported, so that
+        the library that reads the file afterwards would misread or ignore a part of it.
         """
         scan = cls(path, raw)
         try:
@@ -112,10 +99,7 @@ def require(condition: object, message: str) -> None:
 def real(token: bytes, infinite: bool = False) -> float:
     """Return the number that a whole token denotes; `infinite` allows ``inf`` and ``infinity``.
 
-    Raises
-    ------
-    Unread
-        The token is not a decimal number, overflows, or underflows to 0.
+    Raise :class:`Unread` if it is not a decimal number, overflows, or underflows to 0.
     """
     if infinite and _INFINITE.fullmatch(token):
         return float(token)

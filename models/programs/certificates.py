@@ -74,25 +74,11 @@ def rational_bound(
     """Return a bound in rational arithmetic, from multipliers rounded to simple fractions.
 
     Multipliers of programs with small integers are simple fractions, which floating-point multipliers
-    approximate. The bound is exact for the rounded multipliers.
-
-    Parameters
-    ----------
-    program : MixedIntegerProgram or QuadraticProgram
-        The program; the bound is that of its relaxation.
-    duals : ndarray, shape (m,)
-        Row multipliers as in :func:`.safe_bound`.
-    point : ndarray, shape (n,), optional
-        Point of the tangent, for a quadratic program, which is rounded too. By default 0.
-    largest : int
-        Largest denominator of a rounded multiplier.
-
-    Returns
-    -------
-    Fraction or None
-        The bound; None if a Hessian is not proven to be positive semidefinite, if a reduced cost has a
-        sign that an infinite bound does not allow, if the denominators are too different for fast
-        arithmetic, or if the arrays have another shape or are not finite.
+    approximate. The bound is that of the relaxation, and exact for the multipliers (as in :func:`.safe_bound`)
+    and the `point` of the tangent, by default 0, rounded to denominators of at most `largest`. It is None if a
+    Hessian is not proven to be positive semidefinite, if a reduced cost has a sign that an infinite bound does
+    not allow, if the denominators are too different for fast arithmetic, or if the arrays have another shape or
+    are not finite.
     """
     if isinstance(program, QuadraticProgram) and not (program._least_curvature >= 0).all():
         return None
@@ -122,21 +108,9 @@ def rational_bound(
 
 
 def simple_fractions(vector: Vector, size: int, largest: int = 1 << 20) -> list[Fraction] | None:
-    """Return the nearest fractions with denominators of at most `largest`.
+    """Return the nearest fractions with denominators of at most `largest` of `size` numbers.
 
-    Parameters
-    ----------
-    vector : ndarray, shape (size,)
-        The numbers.
-    size : int
-        Number of entries.
-    largest : int
-        Largest denominator.
-
-    Returns
-    -------
-    list of Fraction or None
-        None if the shape differs, an entry is not finite, or the least common denominator is long.
+    None if the shape differs, an entry is not finite, or the least common denominator is long.
     """
     numbers = np.asarray(vector, float)
     if numbers.shape != (size,) or not np.isfinite(numbers).all():
@@ -151,15 +125,7 @@ def simple_fractions(vector: Vector, size: int, largest: int = 1 << 20) -> list[
 
 
 def exact_products(matrix: sp.csr_array, values: list[Fraction]) -> list[Fraction]:
-    """Return ``matrix @ values`` in rational arithmetic.
-
-    Parameters
-    ----------
-    matrix : sparse array, shape (m, n)
-        The matrix, in compressed rows.
-    values : list of Fraction
-        The vector, of n entries.
-    """
+    """Return ``matrix @ values`` in rational arithmetic, for a matrix in compressed rows."""
     indptr, indices, data = matrix.indptr.tolist(), matrix.indices.tolist(), matrix.data.tolist()
     return [
         sum((Fraction(data[k]) * values[indices[k]] for k in range(start, end)), Fraction(0))
@@ -168,15 +134,7 @@ def exact_products(matrix: sp.csr_array, values: list[Fraction]) -> list[Fractio
 
 
 def symmetric_products(matrix: sp.csr_array, values: list[Fraction]) -> list[Fraction]:
-    """Return the products of the symmetric part of a matrix, which alone enters ``x @ matrix @ x``.
-
-    Parameters
-    ----------
-    matrix : sparse array, shape (n, n)
-        The matrix, in compressed rows.
-    values : list of Fraction
-        The vector, of n entries.
-    """
+    """Return the products of the symmetric part of a matrix, which alone enters ``x @ matrix @ x``."""
     products = exact_products(matrix, values), exact_products(sp.csr_array(matrix.T), values)
     return [(left + right) / 2 for left, right in zip(*products, strict=True)]
 
@@ -184,23 +142,10 @@ def symmetric_products(matrix: sp.csr_array, values: list[Fraction]) -> list[Fra
 def proven(
     program: Program, bound: float, duals: Vector | None, plan: Vector | None
 ) -> tuple[float, str]:
-    """Return the safe bound of multipliers if it is as good as a solver's bound, else the latter.
+    """Return the safe bound of multipliers if it is as good as the solver's, else the latter, and its proof.
 
-    Parameters
-    ----------
-    program : Program
-        The program.
-    bound : float
-        Bound that a solver states.
-    duals : ndarray, shape (m,), optional
-        Row multipliers.
-    plan : ndarray, shape (n,), optional
-        Column vector of the same run.
-
-    Returns
-    -------
-    float, str
-        The bound and a value of :class:`Proof`.
+    `duals` and `plan` are the row multipliers and the column vector of the same run. The proof is a value of
+    :class:`Proof`.
     """
     if duals is not None and isinstance(program, MixedIntegerProgram | QuadraticProgram):
         safe = safe_bound(program, duals, plan, quick=True)
@@ -221,16 +166,10 @@ def proven(
 def tightened(program: MixedIntegerProgram, share: float = 1e-9) -> MixedIntegerProgram:
     """Return the relaxation with costs moved so that its multipliers give a finite safe bound.
 
-    The cost of a column with one infinite bound is moved by `share` of its size towards that bound. The
-    reduced costs of the changed program are non-negative up to a solver's tolerance; those of the
-    original program are then larger by the same amount, and so of the required sign.
-
-    Parameters
-    ----------
-    program : MixedIntegerProgram
-        The program.
-    share : float
-        Change relative to the largest coefficient of the column, at least that of the costs.
+    The cost of a column with one infinite bound is moved towards that bound by `share` of the largest coefficient
+    of the column, at least that of the costs. The reduced costs of the changed program are non-negative up to a
+    solver's tolerance; those of the original program are then larger by the same amount, and so of the required
+    sign.
     """
     low, high = np.isfinite(program.column_lower), np.isfinite(program.column_upper)
     largest = np.zeros(program.size)
@@ -245,25 +184,11 @@ def tightened(program: MixedIntegerProgram, share: float = 1e-9) -> MixedInteger
 def exact_verification(
     program: MixedIntegerProgram | QuadraticProgram, plan: Vector, tolerance: float = TOLERANCE
 ) -> Verification:
-    """Return the verification of a plan in rational arithmetic.
+    """Return the checks of :meth:`.RowProgram.verify` with violations in rational arithmetic.
 
     All numbers of the program and of the plan are taken as the rational numbers that they are in binary.
-    Violations and the objective are exact; each is rounded once, violations away from 0.
-
-    Parameters
-    ----------
-    program : MixedIntegerProgram or QuadraticProgram
-        The program.
-    plan : ndarray, shape (n,)
-        Column vector.
-    tolerance : float
-        Largest accepted violation, as in :meth:`.RowProgram.verify`.
-
-    Returns
-    -------
-    Verification
-        The checks of :meth:`.RowProgram.verify` with exact violations. A check with ``worst == 0`` holds
-        exactly.
+    Violations and the objective are exact; each is rounded once, violations away from 0. A check with ``worst ==
+    0`` holds exactly.
     """
     check_tolerance(tolerance)
     point = program._point(plan)
@@ -314,13 +239,7 @@ def _nearest(number: Fraction) -> float:
 
 
 def rounded_down(number: Fraction) -> float:
-    """Return the largest float that is at most `number`; -inf if it is below all floats.
-
-    Parameters
-    ----------
-    number : Fraction
-        The number.
-    """
+    """Return the largest float that is at most `number`; -inf if it is below all floats."""
     result = _nearest(number)
     if math.isinf(result):
         return sys.float_info.max if number > 0 else -math.inf

@@ -43,18 +43,11 @@ def scalar_form(function: casadi.Function) -> casadi.Function:
 
 @dataclass(frozen=True)
 class Compiled(Spec):
-    """Field that contains a ``casadi.Function`` with canonical names of arguments and results.
+    """Field that contains a ``casadi.Function`` with the names `arguments` and `results`, in this order.
 
-    JSON contains a graph of named operations (:mod:`.expressions`). A function without such a
-    graph, such as a call of a library, is stored in CasADi's text format and read only for
-    callers who trust its author.
-
-    Parameters
-    ----------
-    arguments, results : tuple of str
-        Required names, in this order.
-    content : bool
-        Whether the function is part of the content; False if it can be derived from another one.
+    JSON contains a graph of named operations (:mod:`.expressions`). A function without such a graph, such as a
+    call of a library, is stored in CasADi's text format and read only for callers who trust its author. `content`
+    is False if the function can be derived from another field.
     """
 
     arguments: tuple[str, ...]

@@ -126,24 +126,12 @@ def triangle(matrices: Vector) -> Vector:
 
 
 def missing(kind: ConeKind, rows: Vector) -> Vector:
-    """Return the violation of each cone; 0 inside.
+    """Return the violation of each cone in rows of shape (k, dimension); 0 inside.
 
-    The violation of a second-order cone is ``|y| - t``, and that of a semidefinite cone the negated
-    smallest eigenvalue. That of an exponential cone is the largest change of an entry to reach a
-    point of the cone. The point is the nearest that differs in one entry or belongs to the limit
-    ``y = 0``. A change of `z` alone would be misleading for large ``x / y``.
-
-    Parameters
-    ----------
-    kind : ConeKind
-        Kind of the cones.
-    rows : ndarray, shape (k, dimension)
-        One cone per row.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Violations, >= 0.
+    The violation of a second-order cone is ``|y| - t``, and that of a semidefinite cone the negated smallest
+    eigenvalue. That of an exponential cone is the largest change of an entry to reach a point of the cone. The
+    point is the nearest that differs in one entry or belongs to the limit ``y = 0``. A change of `z` alone would
+    be misleading for large ``x / y``.
     """
     if kind == ConeKind.SECOND_ORDER:
         amount = np.linalg.norm(rows[:, 1:], axis=1) - rows[:, 0]

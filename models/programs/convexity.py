@@ -150,14 +150,8 @@ def _values(function: Any, inputs: list[Value], apart: bool) -> list[list[Value]
 class Outputs:
     """Values of the outputs of a function of known and unknown scalars.
 
-    Parameters
-    ----------
-    function : casadi.Function
-        The function.
-    arguments : list of casadi.SX
-        Its arguments, composed of the symbols and of numbers.
-    inputs : list of (casadi.SX, Value)
-        Symbols with what is known about them.
+    `arguments` are CasADi expressions of numbers and of the symbols in `inputs`, paired with what is known about
+    each.
     """
 
     def __init__(

@@ -26,23 +26,13 @@ LARGEST_PRODUCT = 5e7
 
 @np.errstate(all="ignore")  # overflow gives no bound
 def least_curvature(hessian: sp.csr_array) -> Vector:
-    """Return a vector d such that ``x @ hessian @ x >= d @ x**2`` for every x.
+    """Return a vector d, shape (n,), such that ``x @ hessian @ x >= d @ x**2`` for every x.
 
-    A matrix with a dominant diagonal is at least the diagonal matrix of its excesses. Any other matrix is
-    scaled to a diagonal near 1 and shifted until a factorisation succeeds. The error bound of the
-    factorisation (Rump, "Verification of positive definiteness", BIT 46, 2006) then gives the least
-    eigenvalue.
-
-    Parameters
-    ----------
-    hessian : sparse array, shape (n, n)
-        The matrix; of one that is not symmetric, the symmetric part.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Non-negative if the matrix is proven to be positive semidefinite; -inf if the matrix has a
-        clearly negative eigenvalue, or is too large.
+    A matrix with a dominant diagonal is at least the diagonal matrix of its excesses. Any other matrix is scaled
+    to a diagonal near 1 and shifted until a factorisation succeeds. The error bound of the factorisation (Rump,
+    "Verification of positive definiteness", BIT 46, 2006) then gives the least eigenvalue. The vector is
+    non-negative if the matrix, or the symmetric part of one that is not symmetric, is proven to be positive
+    semidefinite, and -inf if it has a clearly negative eigenvalue or is too large.
     """
     size = hessian.shape[0]
     diagonal = hessian.diagonal()

@@ -108,20 +108,7 @@ class Unwritable(Exception):
 def write(function: casadi.Function) -> dict[str, Any]:
     """Return `function` as data in the format of this module.
 
-    Parameters
-    ----------
-    function : casadi.Function
-        Function to write.
-
-    Returns
-    -------
-    dict
-        The graph.
-
-    Raises
-    ------
-    Unwritable
-        The function contains another operation, such as a call of a library or a solver.
+    Raise ``Unwritable`` if it contains another operation, such as a call of a library or a solver.
     """
     functions: list[dict[str, Any]] = []
     _write(function, functions, {})

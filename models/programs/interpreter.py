@@ -43,25 +43,10 @@ SYMBOL = 20
 
 
 def read(data: Any, field: str = "function") -> casadi.Function:
-    """Return the function in data written by :func:`write`.
+    """Return the function in data written by :func:`write`; `field` names it in messages.
 
-    Parameters
-    ----------
-    data : mapping
-        The graph.
-    field : str
-        Name of the field in messages.
-
-    Returns
-    -------
-    casadi.Function
-        The function.
-
-    Raises
-    ------
-    InvalidData
-        A version or an operation is unknown, a number refers to no earlier value, a shape does not
-        fit, or there are more than :data:`LARGEST` entries. The message names the place.
+    Raise ``InvalidData`` with the place if a version or an operation is unknown, a number refers to no earlier
+    value, a shape does not fit, or there are more than :data:`LARGEST` entries.
     """
     reader = _Reader(field)
     reader.keyed(data, ("graph", "functions"), field)

@@ -23,13 +23,7 @@ ROUNDOFF, TINY, SLACK = np.finfo(float).eps / 2.0, 1e-300, 1.01
 
 
 class Interval(NamedTuple):
-    """Vector of intervals.
-
-    Parameters
-    ----------
-    low, high : ndarray, shape (n,)
-        Ends of the intervals.
-    """
+    """Vector of intervals with the ends `low` and `high`, shape (n,)."""
 
     low: Vector
     high: Vector

@@ -46,34 +46,18 @@ def safe_bound(
 ) -> float:
     """Return a lower bound on the objective that holds in spite of all rounding errors.
 
-    The bound is that of the continuous relaxation. It is as good as the multipliers: those of an
-    optimal solution give the optimum up to rounding. The bound of a column that has no bound on the
-    side of its reduced cost is taken from the rows. If that costs too much, the multipliers
-    are moved until the reduced cost has the other sign. Columns without any bound need a reduced cost of
-    exactly 0: the multipliers of as many rows are enclosed in intervals that contain such multipliers.
+    The bound is that of the continuous relaxation. It is as good as the multipliers: those of an optimal solution
+    give the optimum up to rounding, and any vector gives a valid bound. ``duals[i] >= 0`` belongs to the lower
+    bound of row i, ``<= 0`` to the upper bound. The bound of a column that has no bound on the side of its
+    reduced cost is taken from the rows. If that costs too much, the multipliers are moved until the reduced cost
+    has the other sign. Columns without any bound need a reduced cost of exactly 0: the multipliers of as many
+    rows are enclosed in intervals that contain such multipliers. `quick` solves larger systems by a few
+    iterations instead of a dense factorisation. The result is -inf if a reduced cost cannot be shown to have the
+    required sign, or if the arrays have another shape or are not finite.
 
-    For a quadratic program the objective is first replaced by its tangent at `point`, which is below the
-    objective if the Hessian is positive semidefinite. If that is not proven, for example because the
-    Hessian was rounded, the largest possible negative curvature is subtracted, which needs bounds of the
-    columns.
-
-    Parameters
-    ----------
-    program : MixedIntegerProgram or QuadraticProgram
-        The program.
-    duals : ndarray, shape (m,)
-        Row multipliers: ``duals[i] >= 0`` belongs to the lower bound of row i, ``<= 0`` to the
-        upper bound. Any vector gives a valid bound.
-    point : ndarray, shape (n,), optional
-        Point of the tangent, for a quadratic program: its solution. By default 0.
-    quick : bool
-        Whether larger systems are solved by a few iterations instead of a dense factorisation.
-
-    Returns
-    -------
-    float
-        The bound; -inf if a reduced cost cannot be shown to have the sign that an infinite bound
-        requires, or if the arrays have another shape or are not finite.
+    For a quadratic program the objective is first replaced by its tangent at `point`, by default 0, which is
+    below the objective if the Hessian is positive semidefinite. If that is not proven, for example because the
+    Hessian was rounded, the largest possible negative curvature is subtracted, which needs bounds of the columns.
     """
     y = np.array(duals, float)
     p = np.zeros(program.size) if point is None else np.asarray(point, float)
@@ -90,18 +74,8 @@ def safe_bound(
 class _Lagrangian:
     """Linear function below the objective, and the bounds that multipliers of the rows give for it.
 
-    Parameters
-    ----------
-    program : RowProgram
-        The program.
-    cost : Interval
-        Intervals of the linear costs.
-    constant : float
-        Lower bound on the constant.
-    point, curvature : ndarray, shape (n,)
-        The objective is above the linear function by at least ``curvature @ (x - point)**2 / 2``.
-    effort : float
-        Largest number of operations of a dense factorisation.
+    `cost` are intervals, and `constant` is a lower bound. The objective is above the linear function by at least
+    ``curvature @ (x - point)**2 / 2``. `effort` is the largest number of operations of a dense factorisation.
     """
 
     program: RowProgram

@@ -31,18 +31,10 @@ LARGE = 1e9
 def properties(program: BlockProgram) -> dict[str, Any]:
     """Return the properties of a program as JSON data.
 
-    Parameters
-    ----------
-    program : BlockProgram
-        The program.
-
-    Returns
-    -------
-    dict
-        ``rows`` and ``columns`` by kind, ``nonzeros``, ``density``, ``ranges`` of the magnitudes of
-        nonzero coefficients as ``[smallest, largest]``, ``structure`` with counts of special rows and
-        columns, and ``convexity``: ``"linear"``, ``"convex"``, ``"nonlinear"``, or the reason why the
-        program is not known to be convex.
+    They are ``rows`` and ``columns`` by kind, ``nonzeros``, ``density``, ``ranges`` of the magnitudes of nonzero
+    coefficients as ``[smallest, largest]``, ``structure`` with counts of special rows and columns, and
+    ``convexity``: ``"linear"``, ``"convex"``, ``"nonlinear"``, or the reason why the program is not known to be
+    convex.
     """
     integral = getattr(program, "integral", None)
     whole = np.zeros(program.size, bool) if integral is None else np.asarray(integral, bool)
@@ -93,13 +85,7 @@ def properties(program: BlockProgram) -> dict[str, Any]:
 
 
 def warnings_of(facts: dict[str, Any]) -> list[str]:
-    """Return warnings about the scaling in the result of :func:`properties`.
-
-    Parameters
-    ----------
-    facts : dict
-        Result of :func:`properties`.
-    """
+    """Return warnings about the scaling in the result of :func:`properties`."""
     result = []
     for name, (small, large) in facts["ranges"].items():
         if name in ("matrix", "cost", "cone rows", "hessian") and large > WIDE * small:

@@ -25,23 +25,11 @@ SECONDS, MEMORY = 60.0, 8 << 30
 
 
 def read_trusted(text: str, field: str) -> casadi.Function:
-    """Return the function in CasADi's `text`.
+    """Return the function in CasADi's `text`; `field` names it in messages.
 
-    Another process reads the text first. If :mod:`.expressions` covers the function, it is rebuilt
-    here from that form. CasADi reads the text in this process only if it does not.
-
-    Parameters
-    ----------
-    text : str
-        Serialised function.
-    field : str
-        Name of the field in messages.
-
-    Raises
-    ------
-    InvalidData
-        The caller does not trust the data, or the text cannot be read: the other process crashed,
-        hung or failed.
+    Another process reads the text first. If :mod:`.expressions` covers the function, it is rebuilt here from that
+    form. CasADi reads the text in this process only if it does not. Raise ``InvalidData`` if the caller does not
+    trust the data, or the text cannot be read: the other process crashed, hung or failed.
     """
     if not TRUSTED.get():
         raise InvalidData(

@@ -53,22 +53,9 @@ Ints = NDArray[np.int64]
 class _Levels(NamedTuple):
     """Data of the columns of one resource.
 
-    Parameters
-    ----------
-    resource : int
-        Index of the resource.
-    carrying : ndarray of int
-        Arcs with a level column.
-    room : ndarray
-        Upper bound on the level of each of these arcs.
-    constant : ndarray, shape (arcs,)
-        Level of the other arcs when used.
-    either : ndarray of int
-        Points with a binary, as the arrival may be above or below the reset.
-    most : ndarray
-        Largest level on arrival at each of these points.
-    least : ndarray
-        Lower bound on the level of each arc in `carrying`.
+    `carrying` are the arcs with a level column, with bounds `least` and `room` on their levels; `constant` is the
+    level of each other arc when used. `either` are the points with a binary, because the arrival may be above or
+    below the reset, and `most` the largest level on arrival there.
     """
 
     resource: int

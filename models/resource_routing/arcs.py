@@ -28,16 +28,10 @@ _PASSES = 20
 
 @dataclass(frozen=True)
 class UsedArcs:
-    """Arcs with lengths and uses, sorted by tail and head.
+    """Arcs with lengths and uses, sorted by `tail` and `head`, point indices of shape (k,).
 
-    Parameters
-    ----------
-    tail, head : ndarray of int, shape (k,)
-        Point indices.
-    length : ndarray, shape (k,)
-        Lengths, less the prizes of the heads and, for arcs out of the start, of the start.
-    use : ndarray, shape (k, r)
-        Use of each resource on each arc, including the gain of the head.
+    `length`, shape (k,), is the length less the prize of the head and, for arcs out of the start, of the start.
+    `use`, shape (k, r), includes the gain of the head.
     """
 
     tail: Ints

@@ -16,18 +16,9 @@ __all__ = ["Visit", "verify_route", "walk_route"]
 
 @dataclass(frozen=True)
 class Visit:
-    """Stop of a route with the level of each resource on arrival and on leaving.
+    """Stop of a route with the level of each resource on arrival and on leaving, after waiting and reset.
 
-    Parameters
-    ----------
-    point : int
-        Index of the point.
-    distance : float
-        Length of the route up to the point; inf after a missing arc.
-    arrival, leaving : tuple of float
-        Level of each resource before and after the waiting and the reset of the point.
-    value : float
-        Length less the prizes of the points up to this one.
+    `distance` is the length up to the point, inf after a missing arc, and `value` the same less the prizes.
     """
 
     point: int

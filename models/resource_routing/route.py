@@ -72,24 +72,8 @@ def route_to_data(route: Route, names: Names) -> dict[str, Any]:
 def route_from_data(data: Any, count: int, names: Names) -> Route:
     """Return the route in `data`: a list of indices, ``{"route": […]}`` or ``{"ids": […]}``.
 
-    Parameters
-    ----------
-    data : object
-        JSON data.
-    count : int
-        Number of points.
-    names : tuple of (int or str), optional
-        Names of the points; 0 … count - 1 by default.
-
-    Returns
-    -------
-    Route
-        The route.
-
-    Raises
-    ------
-    InvalidData
-        The data is not a route; the error names the stop and its value.
+    `names` are those of the `count` points, 0 … count - 1 by default. Raise ``InvalidData`` naming stop and
+    value.
     """
     if isinstance(data, Mapping):
         for key in data:

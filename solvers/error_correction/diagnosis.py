@@ -19,24 +19,11 @@ _METHOD = "search for the points that any walk from A can reach"
 
 
 def diagnose_routing(model: ErrorCorrectionRouting, time_limit: float | None = None) -> Diagnosis:
-    """Return the points or limits that make the model infeasible, and by how much.
+    """Return the points or limits that make the model infeasible, and by how much; `time_limit` (s) per search.
 
-    If B is unreachable even with revisits, each reachable point is reported with its least infeasible
-    next step. If only the ban on revisits makes the model infeasible, the points that a route must
-    visit twice are reported. With suspect corrections or a limit on corrections, conflicting limits
-    are reported.
-
-    Parameters
-    ----------
-    model : ErrorCorrectionRouting
-        The model to diagnose.
-    time_limit : float, optional
-        Time limit of each search, s.
-
-    Returns
-    -------
-    Diagnosis
-        Feasibility, a summary and the findings.
+    If B is unreachable even with revisits, each reachable point is reported with its least infeasible next step.
+    If only the ban on revisits makes the model infeasible, the points that a route must visit twice are reported.
+    With additions to the paper's problem, conflicting limits are reported.
     """
     if not model.is_plain:
         # Both errors survive a correction that may fail, and corrections are counted.

@@ -73,15 +73,7 @@ CALLED_BACK = frozenset(
 
 
 class Incumbents:
-    """Reporter of a solver's improved points and bounds; others are dropped.
-
-    Parameters
-    ----------
-    program : MixedIntegerProgram or QuadraticProgram
-        The program.
-    request : Request
-        Request with the control that receives the reports.
-    """
+    """Reporter of a solver's improved points and bounds; others are dropped."""
 
     def __init__(self, program: IntegerProgram, request: Request) -> None:
         self._program = program
@@ -102,17 +94,10 @@ class Incumbents:
 
 
 def with_cutoff_row(program: MixedIntegerProgram, cutoff: float | None) -> MixedIntegerProgram:
-    """Return `program` with a last row that limits the objective to the cutoff.
+    """Return `program` with a last row that limits the objective to the cutoff, if it has one.
 
-    For solvers without a cutoff. A linear program is returned unchanged, because the row would change
-    the duals, and its optimum can be compared with the cutoff afterwards.
-
-    Parameters
-    ----------
-    program : MixedIntegerProgram
-        The program.
-    cutoff : float, optional
-        Limit on the objective; None returns `program`.
+    For solvers without a cutoff. A linear program is returned unchanged, because the row would change the duals,
+    and its optimum can be compared with the cutoff afterwards.
     """
     if cutoff is None or program.continuous:
         return program
@@ -129,11 +114,6 @@ def with_offset_column(program: Any) -> Any:
     """Return `program` with its offset as a last column fixed at 1.
 
     For solvers without an offset, which would compute the relative gap without it.
-
-    Parameters
-    ----------
-    program : MixedIntegerProgram or QuadraticProgram
-        The program.
     """
     if not program.offset:
         return program
@@ -165,17 +145,10 @@ class ProgramBackend(Backend):
 
     @abstractmethod
     def attempt(self, program: Any, request: Request, clock: Clock) -> Ending:
-        """Solve `program` once and report the ending.
+        """Solve `program` once and report the ending; `clock` counts ``"build"``, then ``"solve"``.
 
-        Parameters
-        ----------
-        program : MixedIntegerProgram or QuadraticProgram
-            The program. A quadratic one has integral columns, and only backends that declare
-            ``"quadratic-program"`` in :attr:`integral_kinds` receive it.
-        request : Request
-            Options of the run.
-        clock : Clock
-            Clock of the run; counts ``"build"`` until the solver starts, then ``"solve"``.
+        A quadratic program has integral columns, and only backends that declare ``"quadratic-program"`` in
+        :attr:`integral_kinds` receive it.
         """
 
     def patience(self, kind: type[Model[Any]]) -> float:
@@ -298,16 +271,7 @@ def proven_bound(
 ) -> float | None:
     """Return the part of a solver's lower bound that is proven; None if nothing is.
 
-    Parameters
-    ----------
-    program : MixedIntegerProgram or QuadraticProgram
-        The program.
-    request : Request
-        Request with the cutoff of the search.
-    bound : float, optional
-        Lower bound that the solver reports.
-    objective : float, optional
-        Objective of the best point. A bound that exceeds it by rounding is lowered to it.
+    A bound that exceeds `objective`, that of the best point, by rounding is lowered to it.
     """
     if bound is None or not np.isfinite(bound) or abs(bound) >= 1e20:
         return None

@@ -75,17 +75,7 @@ class Highs(ProgramBackend):
 
 
 def search(program: MixedIntegerProgram, request: Request, clock: Clock) -> Any:
-    """Solve a program and return the ``highspy.Highs`` object.
-
-    Parameters
-    ----------
-    program : MixedIntegerProgram
-        The program.
-    request : Request
-        Options of the run.
-    clock : Clock
-        Clock of the run.
-    """
+    """Solve a program and return the ``highspy.Highs`` object."""
     tolerance = solver_tolerance(request, 1e-10)
     options: dict[str, Any] = {
         "mip_rel_gap": request.gap,
@@ -131,17 +121,7 @@ def _listen(highs: Any, program: MixedIntegerProgram, request: Request) -> None:
 
 
 def ending(highs: Any, program: MixedIntegerProgram, request: Request) -> Ending:
-    """Return the ending of a search.
-
-    Parameters
-    ----------
-    highs : highspy.Highs
-        Result of :func:`search`.
-    program : MixedIntegerProgram
-        The program.
-    request : Request
-        Options of the run.
-    """
+    """Return the ending of a search."""
     import highspy
 
     status, info, solution = highs.getModelStatus(), highs.getInfo(), highs.getSolution()

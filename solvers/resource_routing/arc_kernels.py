@@ -46,20 +46,8 @@ def count_pairs(
 ) -> Whole:
     """Return the first arc of each tail among all pairs within the limits, shape (n + 1,).
 
-    Parameters
-    ----------
-    points : ndarray, shape (n, d)
-        Coordinates divided by `scale`.
-    rates : ndarray, shape (r,)
-        Use per unit of length.
-    gain, limit : ndarray, shape (n, r)
-        Gains and limits of the points.
-    start, end : int
-        Arcs to the start or from the end are excluded.
-    most : int
-        Number of arcs after which counting ends; the last entry is then larger.
-    flag : ndarray of int8, shape (1,)
-        Stop flag; a nonzero value ends counting.
+    The coordinates are divided by `scale`. Arcs to the start or from the end are excluded. Counting ends after
+    `most` arcs, which the last entry then exceeds, or if the stop flag is set.
     """
     count = len(points)
     first = np.zeros(count + 1, np.int64)

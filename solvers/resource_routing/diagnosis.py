@@ -20,17 +20,7 @@ _METHOD = "resource-labelling, then a deletion filter over the limits of the res
 def diagnose_resources(model: ResourceRouting, time_limit: float | None = None) -> Diagnosis:
     """Return a minimal set of conflicting limits: without any one of them, a route exists.
 
-    Parameters
-    ----------
-    model : ResourceRouting
-        The model to diagnose.
-    time_limit : float, optional
-        Time limit of each search, s.
-
-    Returns
-    -------
-    Diagnosis
-        Feasibility, a summary and the conflicting limits.
+    `time_limit` is that of each search, s.
     """
     ends, text = _ends(model, time_limit)
     if ends is not False:

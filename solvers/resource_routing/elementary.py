@@ -25,24 +25,12 @@ __all__ = ["Found", "elementary"]
 
 @dataclass(frozen=True)
 class Found:
-    """Result of a search.
+    """Result of a search: its status, route, other longer routes, and numbers of labels made and extended.
 
-    Parameters
-    ----------
-    status : int
-        ``FOUND``, ``NOTHING``, ``STOPPED`` or ``FULL`` (out of memory for labels).
-    route : ndarray of int64
-        Points from start to end, empty without one.
-    length : float
-        Length of the route, inf without one or if only longer walks than the first one are simple.
-    bound : float
-        Lower bound on the length of every route.
-    made, settled : int
-        Numbers of labels made and of labels extended.
-    rounds, critical : int
-        Number of searches, and of critical points in the last one.
-    others : tuple of ndarray
-        Further routes, longer than the first one.
+    `status` is ``FOUND``, ``NOTHING``, ``STOPPED`` or ``FULL`` (out of memory for labels). `route` is empty
+    without one; `length` is then inf, also if only longer walks than the first one are simple. `bound` is a lower
+    bound on all routes, `rounds` the number of searches, and `critical` the number of critical points in the last
+    one.
     """
 
     status: int
@@ -62,23 +50,11 @@ def elementary(
     revisits: bool,
     learn: Callable[[NDArray[np.int64]], None] | None = None,
 ) -> Found:
-    """Return the shortest route, simple unless `revisits`.
+    """Return the shortest route, simple unless `revisits`, with counts over all rounds.
 
-    Parameters
-    ----------
-    search : callable
-        Takes the critical points and the lower bound of earlier rounds, and returns the shortest
-        walk that visits none of these points twice.
-    revisits : bool
-        Whether to accept the first walk even if it repeats points.
-    learn : callable, optional
-        Takes a walk that repeats points and forbids it to later searches; by default, these points
-        become critical.
-
-    Returns
-    -------
-    Found
-        The route, with counts over all rounds.
+    `search` takes the critical points and the lower bound of earlier rounds, and returns the shortest walk that
+    visits none of these points twice. `learn` takes a walk that repeats points and forbids it to later searches;
+    by default, these points become critical.
     """
     critical = np.empty(0, np.int64)
     made = settled = rounds = 0

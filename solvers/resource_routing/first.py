@@ -35,16 +35,10 @@ SHARE, SECONDS = 0.2, 2.0
 
 
 class _Arcs(NamedTuple):
-    """The arcs that leave each point, and what the way to the end asks for.
+    """The arcs that leave each point, and levels above which no route is assumed.
 
-    Attributes
-    ----------
-    leaving : callable
-        Returns the heads of the arcs from a point, their lengths, and what they add to each resource.
-    ahead : ndarray, shape (n,)
-        Lower bound on the length from each point to the end.
-    most : ndarray, shape (n, r)
-        Level on leaving a point above which it is assumed that no route leads to the end.
+    `leaving` returns the heads of the arcs from a point, their lengths, and their use of each resource. `ahead`,
+    shape (n,), bounds the length to the end, and `most`, shape (n, r), the assumed level on leaving a point.
     """
 
     leaving: Leaving
@@ -53,15 +47,7 @@ class _Arcs(NamedTuple):
 
 
 def route_in_time(problem: ResourceRouting, request: Request) -> Route | None:
-    """Return a first route for a run with a time limit; None if none is found or needed.
-
-    Parameters
-    ----------
-    problem : ResourceRouting
-        The model.
-    request : Request
-        The run.
-    """
+    """Return a first route for a run with a time limit; None if none is found or needed."""
     count, limit = len(problem.kinds), request.time_limit
     if limit is None or count <= FEW or (problem.arcs is None and count > MANY):
         return None
@@ -74,12 +60,7 @@ def first_route(
 ) -> Route | None:
     """Return a route that searches with few labels per point find, or None if they find no route.
 
-    Parameters
-    ----------
-    problem : ResourceRouting
-        The model.
-    ended : callable, optional
-        Returns True if the time is up.
+    `ended` returns True if the time is up.
     """
     with np.errstate(all="ignore"):  # an overflow makes an arc infinitely long
         net = _pairs(problem) if problem.arcs is None else _listed(problem)

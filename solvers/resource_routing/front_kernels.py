@@ -15,16 +15,9 @@ __all__ = ["Fronts", "Labels", "dominated", "fronts_of", "grown", "inserted", "m
 class Labels(NamedTuple):
     """Columns of labels; only the first ones are in use.
 
-    Attributes
-    ----------
-    point, parent : ndarray of int64
-        Last point, and parent label (-1 for none).
-    length : ndarray
-        Length of the partial route, without its prizes.
-    level : ndarray, shape (room, r)
-        Level of each resource on leaving.
-    visited : ndarray of uint64, shape (room, words)
-        Remembered critical points, one bit each.
+    `parent` is the previous label (-1 for none), `length` that of the partial route without its prizes, `level`,
+    shape (room, r), the level of each resource on leaving, and `visited`, shape (room, words), one bit for each
+    remembered critical point.
     """
 
     point: NDArray[np.int64]
@@ -37,18 +30,10 @@ class Labels(NamedTuple):
 class Fronts(NamedTuple):
     """Extended labels of each point, in the order of their lengths, in shared columns.
 
-    Attributes
-    ----------
-    begin, size, room : ndarray of int64, shape (n,)
-        First entry of each point, number of entries, and entries that fit.
-    least : ndarray, shape (n, r)
-        Least level of each resource in the front.
-    top : ndarray of int64, shape (1,)
-        Number of entries given to points.
-    label, length, level : ndarray, shapes (entries,), (entries,) and (entries, r)
-        Label of each entry, and copies of its length and levels.
-    below : ndarray, shape (entries,)
-        Least first level of the entries of the point up to each one.
+    `begin`, `size` and `room`, shape (n,), are the first entry of each point, its number of entries, and the
+    entries that fit; `least`, shape (n, r), is the least level in the front, and `top` the number of entries
+    given to points. The entries have columns for the label, copies of its length and levels, and, in `below`, the
+    least first level of the entries of the point up to each one.
     """
 
     begin: NDArray[np.int64]
@@ -210,6 +195,8 @@ def dominated(
             low = middle + 1
         else:
             stop = middle
+    if low - begin < rivals:
+        return False
     for entry in range(low - 1, begin - 1, -1):
         if resources > 0 and fronts.below[entry] > labels.level[at, 0]:
             return False

@@ -38,22 +38,11 @@ Whole = NDArray[np.int64]
 class Guide(NamedTuple):
     """Bounds and memory of a search.
 
-    Attributes
-    ----------
-    weight : ndarray, shape (r,)
-        Multiplier of each resource, >= 0.
-    ahead : ndarray, shape (n,)
-        Least weighted length from each point to the end, less the weighted limits; inf if unreachable.
-    via : ndarray, shape (n, critical)
-        The same through each critical point.
-    bits : ndarray of int64, shape (n,)
-        Index of a point among the critical ones, -1 for the others.
-    memory : ndarray of uint64, shape (n, words)
-        Critical points that a label remembers on leaving each point (ng-routes); all bits for none forgotten.
-    shut : ndarray, shape (critical, r)
-        Levels above which no route reaches a critical point.
-    rounding : float
-        Rounding error of the bounds.
+    `weight`, shape (r,), are multipliers >= 0. `ahead`, shape (n,), is the least weighted length to the end less
+    the weighted limits, inf if unreachable, and `via`, shape (n, critical), the same through each critical point,
+    both with the error `rounding`. `bits`, shape (n,), is the index of a point among the critical ones, or -1,
+    and `memory`, shape (n, words), holds the critical points that a label remembers on leaving each point
+    (ng-routes). `shut`, shape (critical, r), are levels above which no route reaches a critical point.
     """
 
     weight: NDArray[np.float64]
@@ -134,35 +123,12 @@ def best_first(
     most: int,
     flag: NDArray[np.int8],
 ) -> tuple[int, Whole, Whole, NDArray[np.float64], float, int, int, int]:
-    """Return the shortest routes no longer than `ceiling` that repeat no remembered critical point.
+    """Return the `wanted` shortest routes up to `ceiling` that repeat no remembered critical point.
 
-    Parameters
-    ----------
-    net : Network
-        Arcs, limits and resets.
-    guide : Guide
-        Bounds and memory.
-    ceiling : float
-        Largest length of interest.
-    wanted : int
-        Number of routes.
-    most : int
-        Number of labels after which the search ends; memory may end it earlier.
-    flag : ndarray of int8, shape (1,)
-        Stop flag; a nonzero value stops the search.
-
-    Returns
-    -------
-    status : int
-        ``FOUND``, ``NOTHING``, ``STOPPED`` or ``FULL``.
-    points, sizes : ndarray of int64
-        Points of all routes, one route after the other, and the number of points of each route.
-    lengths : ndarray, shape (routes,)
-        Their lengths, ascending.
-    bound : float
-        Lower bound on the length of all routes.
-    made, settled, pruned : int
-        Numbers of labels made, of labels extended, and of labels pruned by the ceiling alone.
+    The search ends after `most` labels, if memory is short, or if the stop flag is set. The results are the
+    status (``FOUND``, ``NOTHING``, ``STOPPED`` or ``FULL``), the points of all routes, the number of points and
+    the length of each, ascending, a lower bound on all routes, and the numbers of labels made, extended, and
+    pruned by the ceiling alone.
     """
     count, resources, words = len(guide.ahead), len(net.initial), guide.memory.shape[1]
     most = min(most, _MOST_NUMBERS // (6 + resources + words))

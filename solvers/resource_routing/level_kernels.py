@@ -28,22 +28,9 @@ def most_levels(
 ) -> Floats:
     """Return the largest level of each resource from which `end` is reachable, shape (n, r).
 
-    Label correcting in reverse, one resource at a time. The level is -inf without a path.
-
-    Parameters
-    ----------
-    first, arcs, tails : ndarray of int64
-        First incoming arc of each point, and the indices and tails of the incoming arcs.
-    use : ndarray, shape (m, r)
-        Use of each arc.
-    limit, reset, floor : ndarray, shape (n, r)
-        Limits and resets of the points, and the levels to which waiting raises.
-    slack : ndarray, shape (r,)
-        Rounding margin, added to the result.
-    end : int
-        Last point of routes.
-    flag : ndarray of int8, shape (1,)
-        Stop flag; after a stop all results are inf.
+    Label correcting in reverse, one resource at a time. The level is -inf without a path. The incoming arcs are
+    those of :func:`.network.arcs_into`; `slack`, shape (r,), is a rounding margin. After a stop all results are
+    inf.
     """
     count = len(first) - 1
     most = np.full((count, len(slack)), -np.inf)

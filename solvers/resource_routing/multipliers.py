@@ -32,16 +32,8 @@ ROUNDS, CLOSE = 60, 1e-4
 class Bounds:
     """Lagrangean bounds of a network.
 
-    Parameters
-    ----------
-    weight : ndarray, shape (r,)
-        Multiplier of each resource.
-    ahead : ndarray, shape (n,)
-        Lower bound on the rest of a route from each point, plus the weighted levels there.
-    reduced : ndarray, shape (m,)
-        Excess of each arc over the bound, >= 0.
-    rounding : float
-        Rounding error of the bounds.
+    `weight`, shape (r,), are the multipliers, `ahead`, shape (n,), the bound on the rest of a route plus the
+    weighted levels, `reduced`, shape (m,), the excess >= 0 of each arc, and `rounding` the error of the bounds.
     """
 
     weight: Floats
@@ -94,13 +86,7 @@ def cumulative(net: Network) -> Whole:
 
 
 def best_bounds(net: Network) -> Bounds | None:
-    """Return the bounds of the best multipliers; None if they are no better than none, or not found.
-
-    Parameters
-    ----------
-    net : Network
-        The network.
-    """
+    """Return the bounds of the best multipliers; None if they are no better than none, or not found."""
     from scipy.optimize import linprog
 
     some, into = cumulative(net), arcs_into(net.first, net.head)

@@ -46,32 +46,11 @@ def narrow(
     ceiling: float,
     flag: NDArray[np.int8],
 ) -> tuple[NDArray[np.int64], float]:
-    """Return the first route of a best-first search with at most `width` labels per point.
+    """Return route and length of the first best-first search result with at most `width` labels per point.
 
-    Parameters
-    ----------
-    net : Network
-        Arcs, limits and resets.
-    ahead : ndarray, shape (n,)
-        Shortest-path length from each point to the end; inf if unreachable.
-    width : int
-        Maximum number of labels extended per point.
-    weight : float
-        Weight of the largest relative level in the search key, in units of the shortest-path length
-        from start to end.
-    revisits : bool
-        Whether routes may visit a point twice.
-    ceiling : float
-        Length that a route must be below.
-    flag : ndarray of int8, shape (1,)
-        A nonzero entry stops the search.
-
-    Returns
-    -------
-    route : ndarray of int64
-        Points from start to end, empty if no route was found.
-    length : float
-        Its length, inf if no route was found.
+    The route is empty, and its length inf, if none below `ceiling` was found or the stop flag was set. `ahead`,
+    shape (n,), is the shortest-path length to the end. `weight` is that of the largest relative level in the
+    search key, in units of the shortest-path length from start to end.
     """
     count, resources = len(ahead), len(net.initial)
     fronts, extended = fronts_of(count, resources), np.zeros(count, np.int64)

@@ -31,27 +31,11 @@ Arcs = tuple[Whole, Whole, Floats, Floats]
 class Network(NamedTuple):
     """Arcs by tail, with the limits and resets of the points.
 
-    Attributes
-    ----------
-    first : ndarray of int64, shape (n + 1,)
-        Index of the first arc of each tail.
-    head : ndarray of int64, shape (m,)
-        Head of each arc.
-    length : ndarray, shape (m,)
-        Length of each arc, less the prize of its head; arcs out of the start less its prize, too.
-    use : ndarray, shape (m, r)
-        Use of each resource, including the gain of the head.
-    limit, reset, most : ndarray, shape (n, r)
-        Largest level on arrival, slack included; largest level after the reset; level on leaving
-        above which the end is unreachable.
-    lower, floor : ndarray, shape (n, r)
-        Least level on arrival, slack included; level to which waiting raises it.
-    full : ndarray, shape (r,)
-        Level above which no lower limit refuses a label, -inf for resources without lower limits.
-    initial : ndarray, shape (r,)
-        Levels at the start.
-    start, end : int
-        First and last point of routes.
+    `first`, shape (n + 1,), is the first arc of each tail. The arcs have `head`, `length` (less the prize of the
+    head and, out of the start, of the start) and `use`, shape (m, r), with the gain of the head. Per point and
+    resource, shape (n, r): `limit` and `lower` on arrival, slack included; `floor`, to which waiting raises;
+    `reset`; and `most`, the level on leaving above which the end is unreachable. Per resource, shape (r,): the
+    `initial` level, and `full`, above which no lower limit refuses a label (-inf without lower limits).
     """
 
     first: Whole

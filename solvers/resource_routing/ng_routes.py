@@ -22,15 +22,7 @@ Whole = NDArray[np.int64]
 
 
 class Memory:
-    """Neighbourhoods of a network, whose points are all critical if prizes make cycles attractive.
-
-    Parameters
-    ----------
-    net : Network
-        The network.
-    signed : bool
-        Whether it has negative lengths; otherwise labels remember all critical points.
-    """
+    """Neighbourhoods of a network, whose points are all critical if prizes make cycles attractive (`signed`)."""
 
     def __init__(self, net: Network, signed: bool) -> None:
         self.count, self.signed = len(net.first) - 1, signed

@@ -32,17 +32,8 @@ IMPROVING, SEEKING = 0.1, 0.5
 class Start:
     """The best route of the searches with few labels per point, and its length.
 
-    Parameters
-    ----------
-    problem : ResourceRouting
-        The model.
-    request : Request
-        Time limit and control of the run; without a time limit nothing is searched.
-
-    Attributes
-    ----------
-    searched : bool
-        Whether a search of a network found a route.
+    Without a time limit in `request` nothing is searched. `searched` is true after a search of a network found a
+    route.
     """
 
     problem: ResourceRouting
@@ -60,14 +51,8 @@ class Start:
     def search(self, net: Network, ahead: NDArray[np.float64], rows: NDArray[np.int64]) -> None:
         """Search `net`, unless another one led to a route, and report each shorter route.
 
-        Parameters
-        ----------
-        net : Network
-            The arcs between the points `rows`.
-        ahead : ndarray, shape (n,)
-            The least length from each of them to the end.
-        rows : ndarray of int64, shape (n,)
-            The points.
+        `rows`, shape (n,), are the points of `net`, and `ahead`, shape (n,), the least lengths from them to the
+        end.
         """
         whole, control = self.request.time_limit, self.request.control
         if whole is None or self.searched or len(self.problem.kinds) <= FEW:

@@ -19,25 +19,10 @@ def least_ways(
 ) -> tuple[Floats, Whole, int]:
     """Return the least weight of a walk from each point to `end`, by label correcting in reverse.
 
-    Parameters
-    ----------
-    first, arcs, tails : ndarray of int64
-        First incoming arc of each point, and the indices and tails of the incoming arcs.
-    weight : ndarray, shape (m,)
-        Weight of each arc, of either sign.
-    end : int
-        Last point.
-    rounding : float
-        Least improvement of interest, > 0 if cycles of weight 0 may have rounding errors.
-
-    Returns
-    -------
-    ahead : ndarray, shape (n,)
-        Least weights, inf without a walk.
-    following : ndarray of int64, shape (n,)
-        First arc of the walk from each point, -1 without one.
-    cycle : int
-        A point on a cycle of negative weight, which `following` contains; -1 without a cycle.
+    `first`, `arcs` and `tails` are the incoming arcs, see :func:`.network.arcs_into`, with weights of either
+    sign. `rounding` is the least improvement of interest, > 0 if cycles of weight 0 may have rounding errors. The
+    results are the weights (inf without a walk), the first arc of each walk (-1 without one), and a point on a
+    cycle of negative weight, which these arcs contain (-1 without a cycle).
     """
     count = len(first) - 1
     ahead, following = np.full(count, np.inf), np.full(count, -1)

@@ -327,22 +327,10 @@ _READERS = {
 
 
 def program_of_qpsolvers(problem: qpsolvers.Problem) -> RowProgram:
-    """Return the program of a ``qpsolvers.Problem``.
+    """Return the program of a ``qpsolvers.Problem``, a linear one if the Hessian is zero.
 
-    Parameters
-    ----------
-    problem : qpsolvers.Problem
-        The problem.
-
-    Returns
-    -------
-    QuadraticProgram or MixedIntegerProgram
-        A linear program if the Hessian is zero.
-
-    Raises
-    ------
-    InvalidData
-        An array has another shape, is not finite, or the Hessian is not positive semidefinite.
+    Raise ``InvalidData`` if an array has another shape, is not finite, or the Hessian is not positive
+    semidefinite.
     """
     names = ("P", "q", "G", "h", "A", "b", "lb", "ub")
     missing = [name for name in names if not hasattr(problem, name)]

@@ -35,25 +35,13 @@ _KNOWN = ("x", "f", "g", "p", "lbx", "ubx", "lbg", "ubg", "x0", "p0", "discrete"
 
 
 def program_of_expressions(problem: Mapping[str, Any]) -> NonlinearProgram:
-    """Return the program of CasADi expressions.
+    """Return the program of CasADi expressions in a mapping, with the column block ``"x"``.
 
-    Parameters
-    ----------
-    problem : mapping
-        As for ``casadi.nlpsol``: the symbols ``x``, the objective ``f``, and optionally the constraints
-        ``g`` and the symbols ``p`` of parameters. The bounds ``lbx, ubx, lbg, ubg`` (numbers or vectors;
-        infinite by default), the guess ``x0`` (default 0), the values ``p0`` of the parameters and
-        ``discrete``, one Boolean per column that must be an integer, complete it.
-
-    Returns
-    -------
-    NonlinearProgram
-        The program with the column block ``"x"``.
-
-    Raises
-    ------
-    InvalidData
-        A name is unknown or missing, a shape differs, or the expressions contain other symbols.
+    The keys are those of ``casadi.nlpsol``: the symbols ``x``, the objective ``f``, and optionally the
+    constraints ``g`` and the symbols ``p`` of parameters. The bounds ``lbx, ubx, lbg, ubg`` (numbers or vectors;
+    infinite by default), the guess ``x0`` (default 0), the values ``p0`` of the parameters and ``discrete``, one
+    Boolean per column that must be an integer, complete it. Raise ``InvalidData`` if a name is unknown or
+    missing, a shape differs, or the expressions contain other symbols.
     """
     require_casadi("a mapping with the key 'f'")
     import casadi
@@ -178,22 +166,10 @@ def _program(
 def program_of_opti(opti: casadi.Opti) -> NonlinearProgram:
     """Return the program of a ``casadi.Opti``, with the current values of its parameters.
 
-    Parameters
-    ----------
-    opti : casadi.Opti
-        The problem; its initial values are the guess. No solver needs to be chosen.
-
-    Returns
-    -------
-    NonlinearProgram
-        The program. Its column blocks are the variables in the order of their declaration.
-        :meth:`.Solution.assign` sets the initial values of `opti` to the plan, so that
-        ``opti.value(expression, opti.initial())`` evaluates it.
-
-    Raises
-    ------
-    InvalidData
-        The object is not an ``Opti``, a parameter has no value, or the problem has no variable.
+    Its initial values are the guess, and no solver needs to be chosen. The column blocks are the variables in the
+    order of their declaration. :meth:`.Solution.assign` sets the initial values of `opti` to the plan, so that
+    ``opti.value(expression, opti.initial())`` evaluates it. Raise ``InvalidData`` if the object is not an
+    ``Opti``, a parameter has no value, or the problem has no variable.
     """
     import casadi
 

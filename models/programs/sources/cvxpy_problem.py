@@ -45,29 +45,14 @@ _WRITTEN = {
 
 
 def program_of_problem(problem: cvxpy.Problem) -> RowProgram:
-    """Return the program of a ``cvxpy.Problem``.
+    """Return the linear, quadratic or conic program of a ``cvxpy.Problem``.
 
-    CVXPY reduces the problem to its standard form with cones, with the current values of its parameters.
-    The rows of each constraint form a block with its label, or its text if it has none. Rows that
-    CVXPY adds for the graphs of functions form the blocks ``"auxiliary 1"`` and so on.
-
-    Parameters
-    ----------
-    problem : cvxpy.Problem
-        The problem.
-
-    Returns
-    -------
-    MixedIntegerProgram, QuadraticProgram or ConicProgram
-        A linear, quadratic or conic program. A maximisation is negated and marked by `maximise`.
-
-    Raises
-    ------
-    InvalidData
-        A parameter has no value, the data are not finite, or the problem has no variable.
-    UnsupportedFormulation
-        The problem is not disciplined convex, or contains a cone or a combination of integers and cones
-        without a program here. The message contains the expression or the constraint.
+    CVXPY reduces the problem to its standard form with cones, with the current values of its parameters. The rows
+    of each constraint form a block with its label, or its text if it has none. Rows that CVXPY adds for the
+    graphs of functions form the blocks ``"auxiliary 1"`` and so on. A maximisation is negated and marked by
+    `maximise`. Raise ``InvalidData`` if a parameter has no value, the data are not finite, or the problem has no
+    variable, and ``UnsupportedFormulation`` with the expression or constraint if it is not disciplined convex, or
+    contains a cone or a combination of integers and cones without a program here.
     """
     import cvxpy
 
@@ -205,12 +190,7 @@ def _shortened(part: Any) -> str:
 class _Standard:
     """Standard form of a problem: minimise ``x P x / 2 + c x + offset`` with ``b - A x`` in the cones.
 
-    Parameters
-    ----------
-    problem : cvxpy.Problem
-        The problem.
-    data, chain, inverse
-        Result of ``problem.get_problem_data``.
+    `data`, `chain` and `inverse` are the result of ``problem.get_problem_data``.
     """
 
     def __init__(self, problem: Any, data: Any, chain: Any, inverse: Any) -> None:

@@ -19,20 +19,11 @@ Vector = NDArray[np.float64]
 class Source:
     """Object that was converted to a program.
 
-    Parameters
-    ----------
-    origin : object
-        The object, such as a ``cvxpy.Problem``.
-    values : callable
-        Function from a column vector to the values of the object's variables by name.
-    assign : callable, optional
-        Function ``(plan, duals, objective, termination)`` that sets the values of the object's variables
-        and multipliers. `plan` is the column vector, `duals` the row multipliers or None, `objective` the
-        objective in the sense of the object, and `termination` the status, such as ``"optimal"``. None
-        if the object stores no values.
-    ends : bool
-        Whether `assign` also stores that the program is infeasible or unbounded, with None for `plan`,
-        `duals` and `objective`. False by default.
+    `origin` is the object, and `values` returns the values of its variables by name for a column vector.
+    `assign(plan, duals, objective, termination)` sets the values of its variables and multipliers; it is None if
+    the object stores no values. `duals` are the row multipliers or None, `objective` is in the sense of the
+    object, and `termination` is the status, such as ``"optimal"``. If `ends`, `assign` also stores that the
+    program is infeasible or unbounded, with None for the other arguments.
     """
 
     origin: Any
@@ -42,20 +33,10 @@ class Source:
 
 
 def named_values(values: Mapping[str, Any], *, by_size: bool = True) -> list[tuple[str, Any]]:
-    """Return the numbers in the result of :meth:`.Program.values_of`.
+    """Return pairs of name and number of the result of :meth:`.Program.values_of`.
 
-    Parameters
-    ----------
-    values : mapping
-        Numbers and arrays by name.
-    by_size : bool
-        Whether the largest magnitudes come first; otherwise in the order of the variables.
-
-    Returns
-    -------
-    list of (str, float)
-        Names such as ``"x[1, 2]"`` for the entries of arrays, with the values; complex numbers are
-        texts.
+    Entries of arrays have names such as ``"x[1, 2]"``, and complex numbers are texts. If `by_size`, the largest
+    magnitudes come first; otherwise the order is that of the variables.
     """
     result: list[tuple[str, Any, float]] = []
     for name, value in values.items():
