@@ -132,18 +132,7 @@ Meaning = Ended | tuple[Ended, Limit | None]
 
 
 class Clock:
-    """Stopwatch of a run: seconds left of the time limit, and seconds per part.
-
-    Parameters
-    ----------
-    limit : float, optional
-        Time limit in seconds; None for no limit.
-
-    Attributes
-    ----------
-    seconds : dict of str to float
-        Seconds per part, as counted by :meth:`lap`.
-    """
+    """Stopwatch of a run: seconds left of the time limit (s, or None), and `seconds` per part, see :meth:`lap`."""
 
     def __init__(self, limit: float | None) -> None:
         self._limit = limit
@@ -171,23 +160,10 @@ def loosened_cutoff(cutoff: float) -> float:
 def solver_tolerance(
     request: Request, least: float, most: float = 1e-3, *, share: float = 1.0
 ) -> float:
-    """Return the tolerance to pass to a solver.
+    """Return a tenth of the tolerance times `share`, clipped to the range that the solver accepts.
 
-    Parameters
-    ----------
-    request : Request
-        Options of the run.
-    least, most : float
-        Range that the solver accepts.
-    share : float
-        Factor for solvers that need more digits than the request.
-
-    Returns
-    -------
-    float
-        A tenth of that share of the tolerance, clipped to the range. Solvers measure violations in a scaled space
-        and before postsolve, so that a point at the limit of the full tolerance would fail the
-        verification.
+    Solvers measure violations in a scaled space and before postsolve, so that a point at the limit of the full
+    tolerance would fail the verification. `share` is for solvers that need more digits than the request.
     """
     return float(min(max(request.tolerance * share / 10, least), most))
 

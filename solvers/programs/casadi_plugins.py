@@ -34,19 +34,8 @@ _loaded: set[tuple[str, str]] = set()
 def load_plugin(backend: str, kind: str, name: str, *, brings_highs: bool = False) -> None:
     """Load CasADi's plugin `name` of `kind` (``"conic"``, ``"nlpsol"``) for `backend`.
 
-    Parameters
-    ----------
-    backend : str
-        Name of the backend, for messages.
-    kind, name : str
-        Kind and name of the plugin in CasADi.
-    brings_highs : bool
-        Whether the plugin loads CasADi's own HiGHS library.
-
-    Raises
-    ------
-    BackendBroken
-        The plugin cannot be loaded, with CasADi's message, or another HiGHS library is loaded.
+    `brings_highs` is true if the plugin loads CasADi's own HiGHS library. Raise ``BackendBroken`` if the plugin
+    cannot be loaded, with CasADi's message, or another HiGHS library is loaded.
     """
     import casadi
 

@@ -78,19 +78,9 @@ def found(kind: str) -> tuple[str, ...]:
 
 
 def chosen(program: RowProgram, asked: str | None) -> str:
-    """Return the name of the solver for `program`.
+    """Return the name of the solver in CVXPY for `program`, by default that of its kind.
 
-    Parameters
-    ----------
-    program : RowProgram
-        The program to solve.
-    asked : str, optional
-        Name of a solver in CVXPY; None for the default of the program's kind.
-
-    Raises
-    ------
-    UnsupportedOption
-        The solver is not installed or does not accept the program.
+    Raise ``UnsupportedOption`` if the solver is not installed or does not accept the program.
     """
     kind = program.kind.removesuffix("-program")
     if kind == "quadratic" and getattr(program, "integral", None) is not None:
@@ -108,18 +98,10 @@ def chosen(program: RowProgram, asked: str | None) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Result of solving a ``cvxpy.Problem``.
+    """Result of solving a ``cvxpy.Problem`` with its problem and variable.
 
-    Parameters
-    ----------
-    program : RowProgram
-        The program that was translated.
-    problem, columns : object
-        Problem and variable of CVXPY.
-    error : str
-        Message of the exception that CVXPY raised; empty if none.
-    late : bool
-        Whether the time limit was reached.
+    `error` is the message of the exception that CVXPY raised, empty if none. `late` is true if the time limit was
+    reached.
     """
 
     program: RowProgram
@@ -183,22 +165,9 @@ def solve_by_cvxpy(
     clock: Clock,
     verbose: bool,
 ) -> Solved:
-    """Solve a program with a solver of CVXPY.
+    """Solve a program with ``to_cvxpy`` by a solver of CVXPY; `clock` counts ``"build"`` and ``"solve"``.
 
-    Parameters
-    ----------
-    program : Program
-        A program with ``to_cvxpy``.
-    solver : str
-        Name of the solver in CVXPY.
-    options : mapping
-        Options of the solver.
-    time_name : str
-        The solver's option for the time limit. If empty, the solver is stopped with its process.
-    clock : Clock
-        Clock of the run; counts ``"build"`` and ``"solve"``.
-    verbose : bool
-        Whether the solver prints its log.
+    `time_name` is the solver's option for the time limit. If empty, the solver is stopped with its process.
     """
     import cvxpy
 

@@ -31,27 +31,11 @@ def run_highs(
     clock: Clock,
     prepare: Callable[[Any], None],
 ) -> Any:
-    """Solve a program and return the ``highspy.Highs`` object.
+    """Solve a program and return the ``highspy.Highs``; `clock` counts ``"build"`` and ``"solve"``.
 
-    Parameters
-    ----------
-    program : RowProgram
-        The program, whose columns and rows are passed to HiGHS.
-    integral : ndarray of bool, shape (columns,)
-        True for integer columns.
-    options : mapping
-        Options of HiGHS in addition to seed, threads and time limit.
-    request : Request
-        Options of the run.
-    clock : Clock
-        Clock of the run; counts ``"build"`` and ``"solve"``.
-    prepare : callable
-        Function ``prepare(highs)`` that passes further data: a start, callbacks, a Hessian.
-
-    Raises
-    ------
-    UnsupportedOption, InvalidData
-        HiGHS rejects an option or the program. Without the error it would solve an empty program.
+    `options` are those of HiGHS in addition to seed, threads and time limit. ``prepare(highs)`` passes further
+    data: a start, callbacks, a Hessian. Raise ``UnsupportedOption`` or ``InvalidData`` if HiGHS rejects an option
+    or the program; otherwise it would solve an empty program.
     """
     import highspy
 

@@ -30,19 +30,9 @@ PLAIN = (1e-1, 1e8)
 
 @dataclass(frozen=True)
 class Scaling:
-    """A program in scaled units, and the factors of the scaling.
+    """A program in scaled units, and the factors of the scaling, powers of two.
 
-    Parameters
-    ----------
-    program : MixedIntegerProgram or QuadraticProgram
-        The scaled program in the variables ``x / columns``, with its rows times `rows` and its
-        objective divided by `unit`.
-    columns : ndarray, shape (columns,)
-        Units of the columns, powers of two.
-    rows : ndarray, shape (rows,)
-        Factors of the rows, powers of two.
-    unit : float
-        Unit of the objective, a power of two.
+    `program` has the variables ``x / columns``, its rows times `rows` and its objective divided by `unit`.
     """
 
     program: MixedIntegerProgram | QuadraticProgram
@@ -132,15 +122,7 @@ class Scaling:
         return cls(scaled, np.ones(1), np.ones(1), unit)
 
     def request(self, request: Request, control: Any) -> Request:
-        """Return `request` in the units of the scaled program.
-
-        Parameters
-        ----------
-        request : Request
-            Request for the given program.
-        control : Control
-            Control of the stage that solves the scaled program.
-        """
+        """Return `request` in the units of the scaled program, with the control of its stage."""
         warm, cutoff = request.warm_start, request.cutoff
         return replace(
             request,
@@ -152,12 +134,7 @@ class Scaling:
     def answered(self, request: Request, run: Callable[[Any, Request], Answer]) -> Answer:
         """Run a backend on the scaled program and return its answer in the given units.
 
-        Parameters
-        ----------
-        request : Request
-            Request for the given program. Its control receives incumbents and bounds in given units.
-        run : callable
-            Function ``(program, request) -> Answer``.
+        The control of `request` receives incumbents and bounds in given units.
         """
 
         def report(objective: float, point: Any) -> None:
@@ -210,13 +187,7 @@ def _by_block(blocks: Iterable[Block], factors: Vector, counts: NDArray[np.bool_
 
 
 def common(magnitude: float) -> float:
-    """Return 1 for a magnitude within :data:`PLAIN`, else the nearest power of two.
-
-    Parameters
-    ----------
-    magnitude : float
-        A positive number.
-    """
+    """Return 1 for a magnitude within :data:`PLAIN`, else the nearest power of two."""
     if PLAIN[0] <= magnitude <= PLAIN[1]:
         return 1.0
     return float(2.0 ** np.clip(np.round(np.log2(magnitude)), -1000, 1000))
