@@ -34,11 +34,12 @@ def _violation(problem: Any) -> float:
     return max(float(np.max(constraint.violation())) for constraint in problem.constraints)
 
 
+@pytest.mark.parametrize("count", [COUNT // 4, pytest.param(COUNT, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_answers_equal_those_of_cvxpy(kind: str) -> None:
+def test_answers_equal_those_of_cvxpy(kind: str, count: int) -> None:
     if kind == "integer":
         pytest.importorskip("pyscipopt", reason="SCIP is not installed")
-    for number in range(KINDS.index(kind), COUNT, len(KINDS)):
+    for number in range(KINDS.index(kind), count, len(KINDS)):
         problem = random_problem(number)
         answer = ct.solve(problem, "highs" if kind == "integer" else "clarabel")
         assert answer.termination == "optimal", (number, answer)
