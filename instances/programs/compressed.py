@@ -16,11 +16,8 @@ __all__ = ["read_raw"]
 def read_raw(path: Path) -> bytes:
     """Return the content of a file, decompressed if its name ends in ``.gz``.
 
-    Raises
-    ------
-    InvalidData
-        The file cannot be read, is damaged, or has more than
-        :data:`~crosstrack.files.LARGEST_FILE` bytes before or after decompression.
+    Raise ``InvalidData`` if the file cannot be read, is damaged, or has more than
+    :data:`~crosstrack.files.LARGEST_FILE` bytes before or after decompression.
     """
     raw = read_bytes(path)
     if path.suffix.casefold() == ".gz" and len(raw) <= LARGEST_FILE:

@@ -127,24 +127,10 @@ class Lines:
     ) -> Entries:
         """Return the list of entries that follows: their number, then one entry per line.
 
-        Parameters
-        ----------
-        what : str
-            Name of the array in messages.
-        shape : tuple of int
-            Number of values of each index.
-        base : int
-            Smallest index in the file.
-        symmetric : bool
-            Whether the last two indices are the row and column of symmetric matrices, whose lower
-            triangle is returned.
-        infinite : bool
-            Whether values may be infinite.
-
-        Raises
-        ------
-        InvalidData
-            The number of entries is wrong, an index is out of range or repeated, or a value is invalid.
+        `what` names the array in messages, `shape` has the number of values of each index, and `base` is the
+        smallest index in the file. If `symmetric`, the last two indices are the row and column of symmetric
+        matrices, whose lower triangle is returned. Values may be infinite if `infinite`. Raise ``InvalidData`` if
+        the number of entries is wrong, an index is out of range or repeated, or a value is invalid.
         """
         # One entry takes several characters.
         count = self.integer(f"number of {what} entries", 0, len(self._text))

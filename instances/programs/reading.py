@@ -37,20 +37,10 @@ def suffix_of(path: str | os.PathLike[str]) -> str:
 
 
 def read_program(path: str | os.PathLike[str]) -> Program:
-    """Return the program in a file, named after the file.
+    """Return the program in a file, named after it, with a suffix of :func:`files`, optionally with ``.gz``.
 
-    Parameters
-    ----------
-    path : str or path-like
-        File with a suffix that :func:`files` lists, optionally followed by ``.gz``.
-
-    Raises
-    ------
-    InvalidData
-        The file cannot be read, or has content that no program can express; the message names the
-        line or section.
-    UnsupportedFormulation
-        No reader supports the format.
+    Raise ``InvalidData`` with line or section if the file cannot be read or has content that no program can
+    express, or if no reader supports the format.
     """
     suffix = suffix_of(path)
     if suffix not in files():

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from ..fields import required
+from ..resource_routing.checks import exact_sum
 from ..resource_routing.route import Route, route_of_indices
 from ..verification import ROUNDING, Check, Verification, check_tolerance
 from .data import RoutingData
@@ -49,14 +50,6 @@ class Stop:
     vertical_after: float
     suspect: bool = False
     chance: float = 1.0
-
-
-def _length(legs: list[float]) -> float:
-    """Return the correctly rounded sum of the legs, m; inf on overflow."""
-    try:
-        return math.fsum(legs)
-    except OverflowError:
-        return math.inf
 
 
 def walk_route(model: RoutingData, plan: Route) -> list[Stop]:
@@ -105,7 +98,7 @@ def walk_route(model: RoutingData, plan: Route) -> list[Stop]:
             Stop(
                 point,
                 kind,
-                _length(legs),
+                exact_sum(legs),
                 horizontal,
                 vertical,
                 *after,

@@ -39,20 +39,8 @@ def _edges(polygon: Polygon) -> tuple[Floats, Floats]:
 def crosses(first: Iterable[float], last: Iterable[float], polygon: Polygon) -> bool:
     """Return whether a leg meets the open interior of a polygon, by rational arithmetic.
 
-    The leg is divided at its common points with the boundary. Each part is inside, outside or on the
-    boundary, as its midpoint is.
-
-    Parameters
-    ----------
-    first, last : iterable of float
-        Ends of the leg; the first two coordinates are used, m.
-    polygon : Polygon
-        The polygon, m.
-
-    Returns
-    -------
-    bool
-        Whether the leg crosses the polygon.
+    The leg is given by the first two coordinates of its ends, m. It is divided at its common points with the
+    boundary. Each part is inside, outside or on the boundary, as its midpoint is.
     """
     px, py, *_ = map(Fraction, map(float, first))
     qx, qy, *_ = map(Fraction, map(float, last))
@@ -92,26 +80,10 @@ def _inside(place: Place, edges: list[tuple[Place, Place]]) -> bool:
 
 
 def free_legs(points: Floats, polygons: tuple[Polygon, ...]) -> NDArray[np.bool_]:
-    """Return which legs between pairs of different points cross no polygon.
+    """Return which legs between pairs of different points cross no polygon, shape (n, n).
 
-    Floating-point numbers decide the pairs whose orientations are certain, and :func:`crosses` the others.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n, 3)
-        Points, m.
-    polygons : tuple of Polygon
-        No-fly polygons, m.
-
-    Returns
-    -------
-    ndarray of bool, shape (n, n)
-        Symmetric; the diagonal is False.
-
-    Raises
-    ------
-    UnsupportedFormulation
-        There are more than 4,000 points.
+    Floating-point numbers decide the pairs whose orientations are certain, and :func:`crosses` the others. Raise
+    ``UnsupportedFormulation`` for more than 4,000 points.
     """
     count = len(points)
     if count > MOST_POINTS:

@@ -107,18 +107,10 @@ class MixedIntegerProgram(RowProgram):
         return QuadraticProgram(hessian=sp.csr_array((self.size, self.size)), **self.shared())
 
     def dual_bound(self, duals: Vector, point: Vector | None = None) -> float:
-        """Return the Lagrangian lower bound that row multipliers prove.
+        """Return the Lagrangian lower bound that row multipliers prove, see :meth:`.Program.dual_bound`.
 
-        The bound holds for the linear relaxation, so it holds for the program. It is -inf if a multiplier
-        or a reduced cost belongs to a bound that does not exist.
-
-        Parameters
-        ----------
-        duals : ndarray, shape (m,)
-            Row multipliers: ``duals[i] >= 0`` belongs to the lower bound of row i, ``<= 0`` to the
-            upper bound.
-        point : ndarray, optional
-            Unused; the bound does not depend on the point.
+        The bound holds for the linear relaxation, so it holds for the program, and does not depend on the point.
+        It is -inf if a multiplier or a reduced cost belongs to a bound that does not exist.
         """
         y = np.asarray(duals, float)
         reduced = self.cost - self.matrix.T @ y
@@ -309,20 +301,12 @@ class QuadraticProgram(RowProgram):
         return float(np.abs(reduced[loose]).max(initial=0.0))
 
     def dual_bound(self, duals: Vector, point: Vector) -> float:
-        """Return the lower bound that row multipliers prove (Dorn's dual at `point`).
+        """Return the lower bound of Dorn's dual at `point`, see :meth:`.Program.dual_bound`.
 
-        Solvers never make the reduced cost of an unbounded column exactly zero. On its unbounded side,
-        such a column is therefore limited to a distance of ``max(1, |point|)`` from `point`. The bound
-        is rigorous for every x in that box. Points outside cannot be much better either: the objective
-        is convex, so a gain far away implies a proportional gain within the box.
-
-        Parameters
-        ----------
-        duals : ndarray, shape (m,)
-            Row multipliers: ``duals[i] >= 0`` belongs to the lower bound of row i, ``<= 0`` to the
-            upper bound.
-        point : ndarray, shape (n,)
-            Point of the multipliers.
+        Solvers never make the reduced cost of an unbounded column exactly zero. On its unbounded side, such a
+        column is therefore limited to a distance of ``max(1, |point|)`` from `point`. The bound is rigorous for
+        every x in that box. Points outside cannot be much better either: the objective is convex, so a gain far
+        away implies a proportional gain within the box.
         """
         p = np.asarray(point, float)
         y = self.signed(duals)

@@ -11,7 +11,7 @@ from ..verification import Check, Verification, check_tolerance
 from .data import RoutingData
 from .route import Route, route_of_indices
 
-__all__ = ["Visit", "verify_route", "walk_route"]
+__all__ = ["Visit", "exact_sum", "verify_route", "walk_route"]
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,12 @@ def walk_route(model: RoutingData, plan: Route) -> tuple[list[Visit], list[str]]
                     levels, model.floors[code], model.resets[code], strict=True
                 )
             ]
-        value = _sum(legs + prizes[: stop + 1])
-        visits.append(Visit(point, _sum(legs), arrival, tuple(levels), value))
+        value = exact_sum(legs + prizes[: stop + 1])
+        visits.append(Visit(point, exact_sum(legs), arrival, tuple(levels), value))
     return visits, missing
 
 
-def _sum(legs: list[float]) -> float:
+def exact_sum(legs: list[float]) -> float:
     """Return the correctly rounded sum; inf on overflow."""
     try:
         return math.fsum(legs)

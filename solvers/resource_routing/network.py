@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from ...errors import UnsupportedFormulation
 from ...models.resource_routing.model import ResourceRouting
@@ -16,7 +15,7 @@ from ...models.verification import ROUNDING
 from .arc_kernels import all_pairs, count_pairs, remaining
 from .level_kernels import least_levels, most_levels
 
-__all__ = ["MOST_NUMBERS", "Network", "distances", "lengths_to", "network"]
+__all__ = ["MOST_NUMBERS", "Network", "distances", "network"]
 
 #: Maximum number of array entries for the arcs of a network: about 1 GB.
 MOST_NUMBERS = 120_000_000
@@ -56,15 +55,10 @@ class Network(NamedTuple):
 def network(model: ResourceRouting, rows: Whole, flag: NDArray[np.int8]) -> Network:
     """Return the network of the arcs between the points `rows` that each resource alone allows.
 
-    An arc is omitted if the least level of a resource on leaving its tail exceeds the level allowed by
-    the head and the rest of the route, considering one resource at a time. Arcs into the start or out
-    of the end are omitted. Points are numbered by their positions in `rows`, which is ascending. For a
-    model with listed arcs, `rows` must be all points.
-
-    Raises
-    ------
-    UnsupportedFormulation
-        The number of arcs exceeds :data:`MOST_NUMBERS` entries.
+    An arc is omitted if the least level of a resource on leaving its tail exceeds the level allowed by the head
+    and the rest of the route, considering one resource at a time. Arcs into the start or out of the end are
+    omitted. Points are numbered by their positions in `rows`, which is ascending. For a model with listed arcs,
+    `rows` must be all points. Raise ``UnsupportedFormulation`` for more than :data:`MOST_NUMBERS` entries.
     """
     codes = model.codes[rows]
     limit, reset, gain = (
@@ -124,18 +118,6 @@ def arcs_into(first: Whole, head: Whole) -> tuple[Whole, Whole, Whole]:
     count = len(first) - 1
     into = csr_array((np.arange(len(head)), head, first), shape=(count, count)).tocsc()
     return into.indptr.astype(np.int64), into.data, into.indices.astype(np.int64)
-
-
-def lengths_to(net: Network, ends: Whole) -> Floats:
-    """Return the shortest-path length from every point to each of `ends`, shape (n, ends).
-
-    Resources are ignored; entries without a path are inf.
-    """
-    count = len(net.first) - 1
-    if ends.size == 0:
-        return np.empty((count, 0))
-    forward = csr_array((net.length, net.head, net.first), shape=(count, count))
-    return np.ascontiguousarray(dijkstra(forward.T, indices=ends).T)
 
 
 def distances(points: Floats, at: int) -> Floats:

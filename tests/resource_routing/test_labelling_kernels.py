@@ -11,7 +11,8 @@ import pytest
 from resource_draws import neighbours, random_branches, random_model, rng_of
 
 from crosstrack.solvers.resource_routing.arc_kernels import all_pairs, count_pairs
-from crosstrack.solvers.resource_routing.network import distances, lengths_to, network
+from crosstrack.solvers.resource_routing.multipliers import plain_bounds
+from crosstrack.solvers.resource_routing.network import distances, network
 
 RUNS = np.zeros(1, np.int8)
 STOPPED = np.ones(1, np.int8)
@@ -149,7 +150,7 @@ def test_a_stop_keeps_all_arcs():
         assert len(stopped.head) >= len(whole.head)
 
 
-def test_lengths_to_points_count_arcs_of_length_zero():
+def test_plain_bounds_include_arcs_of_length_zero():
     model = random_branches(rng_of(3), revisits=True)
     net = network(model, np.arange(len(model.kinds)), RUNS)
     assert (net.length == 0).any()
@@ -160,7 +161,7 @@ def test_lengths_to_points_count_arcs_of_length_zero():
             wanted[point, net.head[arc]] = net.length[arc]
     for via in range(len(model.kinds)):
         wanted = np.minimum(wanted, wanted[:, [via]] + wanted[[via]])
-    np.testing.assert_array_equal(lengths_to(net, np.arange(len(model.kinds))), wanted)
+    np.testing.assert_array_equal(plain_bounds(net).ahead, wanted[:, net.end])
 
 
 def test_distances_are_scaled():

@@ -8,16 +8,16 @@ import pytest
 import crosstrack as ct
 from crosstrack.instances.resource_routing import generate_electric, generate_network
 from crosstrack.models.resource_routing.route import Route
+from crosstrack.solvers.resource_routing.multipliers import plain_bounds
 from crosstrack.solvers.resource_routing.narrow_kernels import narrow
-from crosstrack.solvers.resource_routing.network import lengths_to, network
+from crosstrack.solvers.resource_routing.network import network
 
 FLAG = np.zeros(1, np.int8)
 
 
 def searched(model, width, weight=0.0, ceiling=np.inf, flag=FLAG):
     net = network(model, np.arange(len(model.kinds)), FLAG)
-    ahead = np.ascontiguousarray(lengths_to(net, np.array([net.end]))[:, 0])
-    return narrow(net, ahead, width, weight, model.revisits, ceiling, flag)
+    return narrow(net, plain_bounds(net).ahead, width, weight, model.revisits, ceiling, flag)
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.3])
