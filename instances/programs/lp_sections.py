@@ -10,8 +10,9 @@ The check allows this grammar, which CPLEX, Gurobi, HiGHS and SCIP read alike::
 
 Keywords, rows and bounds start a line, and ``\`` starts a comment. HiGHS skips text before a keyword
 that it knows, drops constants in rows, reads the name ``info`` as infinity times ``o``, and keeps
-bounds of binary columns; the check refuses such files. A negative upper bound requires an explicit
-lower bound, as in MPS files. Gurobi reads a constant of the objective as a column.
+bounds of binary columns, and Gurobi adds a sign without a blank before it to a name; the check refuses such
+files. A negative upper bound requires an explicit lower bound, as in MPS files. Gurobi reads a constant of the
+objective as a column.
 """
 
 from __future__ import annotations
@@ -184,6 +185,11 @@ class LpScan(Scan):
                 real(number)
             if name:
                 self.usable(name)
+                joined = self.text[self.at : self.at + 1] in (b"+", b"-")
+                require(
+                    not joined,
+                    f"Gurobi adds a sign without a blank before it to the name {words(name)}: add a blank",
+                )
                 if name in seen:
                     raise Unread(f"column {words(name)} occurs twice: add the coefficients")
                 seen.add(name)

@@ -1,6 +1,7 @@
 """Files in MPS, LP and NL format: same program as other readers, and refusals that name the line."""
 
 import gzip
+import random
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,8 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.instances.programs import highs_files, nl_file
 from crosstrack.models import MixedIntegerProgram
+
+from .test_text_mutations import mutated
 
 PUBLIC = Path(__file__).resolve().parents[3] / "shared" / "data" / "programs" / "mps"
 NAMES = sorted(path.name for path in PUBLIC.glob("*.mps"))
@@ -86,6 +89,29 @@ def test_lp_files_that_all_readers_read_alike(old, new, in_process, tmp_path):
     program = second_readers.of_program(load(tmp_path, "lp", changed(text, old, new)))
     assert program == second_readers.of_gurobi(tmp_path / "program.lp")
     assert program == second_readers.of_scip(tmp_path / "program.lp")
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(600, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("suffix", "texts"), [("mps", (MPS, QUADRATIC_MPS)), ("lp", (LP, QUADRATIC_LP))]
+)
+def test_mutated_files_are_refused_or_equal_a_second_reader(
+    suffix, texts, count, in_process, tmp_path
+):
+    pytest.importorskip("gurobipy", reason="Gurobi is not installed")
+    rng, accepted, refused = random.Random(39), 0, 0
+    for number in range(count):
+        text = mutated(texts[number % 2], rng)
+        try:
+            program = second_readers.of_program(load(tmp_path, suffix, text))
+        except InvalidData as error:
+            refused += f"program.{suffix}" in str(error)
+            continue
+        accepted += 1
+        assert program == second_readers.of_gurobi(tmp_path / f"program.{suffix}"), text
+    # Each message names the file.
+    assert accepted + refused == count
+    assert min(accepted, refused) > count / 20
 
 
 def test_mps_files_with_an_infinite_side(in_process, tmp_path):
@@ -231,6 +257,7 @@ def damaged(suffix, base, *pairs):
             ("Bounds", "Lazy Constraints\n l: x <= 3\nBounds", "lazy constraints"),
             ("Bounds", "General Constraints\n z = MAX(x, y)\nBounds", "general constraints"),
             (" x + v = 3", " v = 1 -> x = 3", "line 9: indicator constraints"),
+            (" x + v = 3", " x+ v = 3", "to the name x: add a blank"),
             (" x + v = 3", " [ x ^ 2 ] <= 3", "quadratic constraints are not supported"),
             (" x + v = 3", " x + v = 1e20", "an infinite right-hand side"),
             (" x + v = 3", " x + v >= 1e20", "an infinite right-hand side"),
