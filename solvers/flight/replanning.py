@@ -18,8 +18,8 @@ from ...models.flight.plan import FlightPlan
 from ...models.minimum_snap.trajectory import Trajectory
 from ...models.verification import Verification
 from ..contract.solution import Solution
-from ..minimum_snap.minco import INSTANTS, Rows, Search, coefficients_of
-from ..minimum_snap.minco_limits import Task
+from ..minimum_snap.minco import INSTANTS, Rows, Search, coefficients_of, peak, powers_between
+from ..minimum_snap.minco_limits import Task, measure
 from ..minimum_snap.minco_task import posed
 from ..run.dispatch import solve
 from .course import Course, course_of
@@ -28,6 +28,7 @@ from .minco import ends_of, engine, limits_within
 __all__ = ["PreparedFlight", "Replan", "prepare_flight"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 #: Reduction of the limits, relative to them, so that a few steps keep the true ones.
 RESERVE = 0.03
@@ -35,10 +36,16 @@ RESERVE = 0.03
 INSET, SIZE = 0.1, 0.3
 #: Share of the effort in the objective, which conditions the search.
 EFFORT = 1e-3
-#: Rounds of a warm search, and evaluations per round.
-ROUNDS, EVALUATIONS = 12, 8
+#: Rounds of a warm search, and evaluations per round. A search that takes longer mostly fails.
+ROUNDS, EVALUATIONS = 4, 8
 #: Rounds of the first search in a corridor.
 FIRST = 24
+#: Shares of the remaining time after which a corrected curve is on the last one again, in turn.
+WINDOWS = (0.125, 0.25, 0.06, 0.5, 0.03, 1.0, 0.015)
+#: Time of a search, relative to the rest of the last curve, above which a return is tried as well.
+SLOW = 1.1
+#: Multiples of the remaining time of a segment in which it is flown by one polynomial if no correction fits.
+SLOWER = (1.0, 1.25, 1.6, 2.2, 3.0, 5.0)
 #: Least duration of the first segment, relative to the mean.
 SHORTEST = 0.05
 #: Share of the inset that a curve may use, and least excess that it may have, in cells.
@@ -60,14 +67,16 @@ class Replan:
         instants per segment, with parabolas in between, which is no proof. :meth:`verification` proves it for
         all instants. A plan from the map is verified.
     warm : bool
-        Whether the search started from the last plan in its corridor. Otherwise the flight was planned
-        from its map, which takes longer.
+        Whether the curve follows the last plan in its corridor: by a search that started from it, or by a
+        correction that returns to it. Otherwise the flight was planned from its map, which takes longer.
     seconds : float
         Time of the call, s.
     evaluations : int
         Evaluations of the objective.
     model : Flight
         Flight whose rest this is.
+    returns : bool
+        Whether the curve returns to the last plan, because the search did not keep all limits in time.
     """
 
     trajectory: Trajectory
@@ -76,6 +85,7 @@ class Replan:
     seconds: float
     evaluations: int
     model: Flight
+    returns: bool = False
 
     def verification(self) -> Verification:
         """Verify the curve at every instant as a flight from its first state, without waypoints."""
@@ -139,7 +149,7 @@ class PreparedFlight:
         pairs = zip(whole.polytopes, self.course.polytopes, strict=True)
         # Faces at the places of the flight have a smaller inset.
         inset = np.concatenate([outer - inner for (_, outer), (_, inner) in pairs])
-        self._allowed = np.maximum(PART * inset, LEAST * model.cell)
+        allowed = np.maximum(PART * inset, LEAST * model.cell)
         result = engine(model, self.course, limits=limits_within(model.vehicle, RESERVE))
         knots = np.concatenate([result.coefficients[:, 0], result.coefficients[-1:].sum(axis=1)])
         regions, jets = ends_of(model, self.course)
@@ -148,32 +158,51 @@ class PreparedFlight:
         weights = np.eye(model.order)[-1]
         task = posed(regions, jets, rows, limits, weights, False, INSTANTS)
         free = [region.unknowns(knot) for region, knot in zip(regions, knots, strict=True)]
-        flag = np.zeros(1, np.int8)
-        search = Search(task, np.concatenate([np.log(result.durations), *free]), flag)
-        self._keep(search, FIRST)
+        search = Search(
+            task, np.concatenate([np.log(result.durations), *free]), np.zeros(1, np.int8)
+        )
+        true = limits_within(model.vehicle)
+        self._coarse = task._replace(offset=task.offset + allowed, limits=true)
+        self._fine = self._coarse._replace(basis=search.fine.basis)
+        sound = self._keep(search, FIRST)
+        self._store(search, sound)
+
+    def _store(self, search: Any, sound: bool = True) -> None:
+        """Keep a search, and its curve with the polytope of each segment; `sound` if it keeps all limits."""
+        self._last, self._begun, self._sound = search, 0.0, sound
+        self._curve = _curve_of(search)
+        count = len(self._coarse.nodes)
+        self._owners = np.arange(count - self._curve.segments, count)
 
     def _keep(self, search: Any, rounds: int) -> bool:
-        """Continue a search and store it for the next one; return whether all limits are kept."""
+        """Continue a search; return True as soon as it keeps all limits."""
         total, effort = float(search.durations.sum()), search.jets()[1]
         prices = 1.0 / total, EFFORT / effort if effort > 0.0 else 0.0
-        true = limits_within(self.model.vehicle)
+        owners = np.arange(len(self._coarse.nodes) - search.segments, len(self._coarse.nodes))
         for _ in range(rounds):
             search.descend(*prices, EVALUATIONS, 0.0)
             search.update()
-            kept = self._is_kept(search, true)
-            if kept:
-                break
-        self._last = search
-        return kept
+            if self._keeps(search.durations, search.jets()[0], owners):
+                return True
+        return False
 
-    def _is_kept(self, search: Any, limits: Floats) -> bool:
-        """Return whether the true limits and polytopes are kept at all instants of the fine grid."""
-        fine = search.fine
-        search.fine = fine._replace(limits=limits)
-        vehicle, rows = search.peaks()
-        search.fine = fine
-        excess = rows * SIZE * self.model.cell - self._allowed[-len(rows) :]
-        return bool(vehicle.max() <= 0.0 and excess.max() <= 0.0)
+    def _keeps(self, durations: Floats, jets: Floats, owners: Ints) -> bool:
+        """Return whether a curve keeps the limits and the polytopes `owners` at all instants."""
+        task, count = self._coarse, len(durations)
+        rows = np.concatenate([np.arange(*task.start[k : k + 2]) for k in owners])
+        sizes = task.start[owners + 1] - task.start[owners]
+        part: dict[str, Any] = {
+            "nodes": np.stack([np.arange(count), np.arange(1, count + 1)], axis=1),
+            "start": np.concatenate([[0], np.cumsum(sizes)]),
+        }
+        part |= {name: getattr(task, name)[rows] for name in ("order", "normal", "offset", "size")}
+        for basis in (self._coarse, self._fine):  # most violations are found at few instants
+            instants = basis.basis.shape[1]
+            vehicle, excess = np.empty((count, instants, 6)), np.empty((len(rows), instants))
+            measure(basis._replace(**part), durations, jets, vehicle, excess)
+            if not (vehicle.max() <= 0.0 and excess.max() <= 0.0):
+                return False
+        return bool(peak(vehicle.swapaxes(1, 2)).max() <= 0.0 and peak(excess).max() <= 0.0)
 
     def replan(
         self,
@@ -183,8 +212,9 @@ class PreparedFlight:
     ) -> Replan:
         """Plan the rest of the flight from a state in the air.
 
-        The search starts from the last plan, in the rest of its corridor. A state outside the corridor
-        is planned from the map.
+        The search starts from the last plan, in the rest of its corridor. If it does not keep all limits in
+        a few rounds, the curve returns to the last plan by a correction of the state. If no correction fits,
+        or the state is outside the corridor, the flight is planned from the map.
 
         Parameters
         ----------
@@ -212,27 +242,33 @@ class PreparedFlight:
         state = np.stack(
             [spec.coerce(name, zero if x is None else x, {}) for name, x in given.items()]
         )
-        former = self._last
-        search = self._tail(state)
-        kept = warm = search is not None and self._keep(search, ROUNDS)
-        if not kept:
-            self._last = former  # a failed search is no start for the next one
+        at = self._nearest(state[0])
+        search = None if at is None else self._tail(state, at)
+        kept, returns = search is not None and self._keep(search, ROUNDS), False
+        if at is not None:
+            total = float(search.durations.sum()) if kept else np.inf
+            if total > SLOW * (self._curve.times[-1] - at):
+                returns = self._returned(state, at, total)
+            if kept and not returns:
+                self._store(search)
+        curve = self._curve if kept or returns else None
+        warm = kept or returns
+        if curve is None:
             curve = self._planned(state)
-            if curve is not None:
-                seconds = time.perf_counter() - begin
-                return Replan(curve, True, False, seconds, self._last.evaluations, self.model)
-        if search is None:
-            raise UnsupportedFormulation(
-                f"position must be in the corridor or have a way to the goal, got {show(position)}"
-            )
-        times = np.concatenate([[0.0], np.cumsum(search.durations)])
-        curve = Trajectory(times, coefficients_of(search, search.jets()[0]))
+            kept = curve is not None
+        if curve is None:
+            if search is None:
+                raise UnsupportedFormulation(
+                    f"position must be in the corridor or have a way to the goal, got {show(position)}"
+                )
+            warm, curve = True, _curve_of(search)
         seconds = time.perf_counter() - begin
-        return Replan(curve, kept, warm, seconds, search.evaluations, self.model)
+        count = self._last.evaluations if search is None else search.evaluations
+        return Replan(curve, kept or returns, warm, seconds, count, self.model, returns)
 
     def _planned(self, state: Floats) -> Trajectory | None:
         """Plan the rest of the flight from its map; None without a verified plan."""
-        passed = len(self.course.knots) - len(self._last.task.kind)
+        passed = int(self._owners[0])
         rest = self.course.stops[1:-1] > passed
         model = replace(
             self.model, start=state[0], start_velocity=state[1], start_acceleration=state[2],
@@ -248,30 +284,84 @@ class PreparedFlight:
                 self.model = model
         return plan.trajectory
 
-    def _tail(self, state: Floats) -> Any:
-        """Return the search for the rest of the last one; None if the state is outside its corridor."""
-        search = self._last
-        k, share = self._place(state[0], search)
-        result = _tail(search, k, share, state)
-        task = result.task
-        rows = slice(0, int(task.start[1]))
-        allowed = task.offset[rows] + self._allowed[-len(task.offset) :][rows]
-        return result if (task.normal[rows] @ state[0] <= allowed).all() else None
-
-    def _place(self, position: Floats, search: Any) -> tuple[int, float]:
-        """Return the segment of the last curve next to a position, and the share of it that is flown."""
-        powers = coefficients_of(search, search.jets()[0])
+    def _nearest(self, position: Floats) -> float | None:
+        """Return the time of the last curve next to a position, over segments whose polytope contains it."""
+        task, curve = self._coarse, self._curve
+        excess = task.normal @ position - task.offset
+        inside = np.maximum.reduceat(excess, task.start[:-1])[self._owners] <= 0.0
+        if not inside.any():
+            return None
+        segments = np.flatnonzero(inside)
+        powers = curve.coefficients[segments]
         s = np.linspace(0.0, 1.0, SAMPLES, endpoint=False)
         places = np.einsum("sp,kpd->ksd", s[:, None] ** np.arange(powers.shape[1]), powers)
         apart = ((places - position) ** 2).sum(axis=2)
         k, n = (int(index) for index in np.unravel_index(int(apart.argmin()), apart.shape))
         slope = (
-            np.arange(1.0, powers.shape[1])
-            * s[n] ** np.arange(powers.shape[1] - 1.0)
-            @ powers[k, 1:]
-        )
+            np.arange(powers.shape[1]) * s[n] ** np.maximum(np.arange(powers.shape[1]) - 1, 0)
+        ) @ powers[k]
         step = float((position - places[k, n]) @ slope) / max(float(slope @ slope), 1e-300)
-        return k, float(np.clip(s[n] + np.clip(step, -1.0 / SAMPLES, 1.0 / SAMPLES), 0.0, 1.0))
+        share = float(np.clip(s[n] + np.clip(step, -1.0 / SAMPLES, 1.0 / SAMPLES), 0.0, 1.0))
+        return float(curve.times[segments[k]] + share * curve.durations[segments[k]])
+
+    def _tail(self, state: Floats, at: float) -> Any:
+        """Return the search for the rest of the last one after a time of the last curve."""
+        search = self._last
+        piece = min(int(np.searchsorted(self._curve.times, at, "right")), self._curve.segments) - 1
+        k = int(self._owners[piece]) - (len(self._coarse.nodes) - search.segments)
+        begin = at + self._begun - float(search.durations[:k].sum())
+        return _tail(search, k, float(np.clip(begin / search.durations[k], 0.0, 1.0)), state)
+
+    def _returned(self, state: Floats, at: float, most: float) -> bool:
+        """Store the last curve with a correction of its state at a time; return False without one.
+
+        It lasts at most `most` seconds.
+
+        The correction is the polynomial that vanishes with its derivatives after a window of time.
+        """
+        last, order = self._curve, self.model.order
+        left, first = float(last.times[-1]) - at, int(np.searchsorted(last.times, at, "right"))
+        gap = np.zeros((1, 2, order, len(state[0])))
+        gap[0, 0, :3] = (state - [last(at, i) for i in range(3)])[:order]
+        for share in WINDOWS if self._sound and left > 0.0 else ():
+            # The window ends at a knot, or at a new one that is not next to it.
+            times, end = np.append(at, last.times[first:]), at + share * left
+            count = min(int(np.searchsorted(times, end)), len(times) - 1)
+            if times[count] - end > SHORTEST * share * left:
+                times = np.insert(times, count, end)
+            window = times[: count + 1]
+            pieces = np.searchsorted(last.times, times[:-1], "right") - 1
+            durations, owners = np.diff(times), self._owners[pieces]
+            length = np.array([times[count] - at])
+            correction = Trajectory(window[[0, -1]], powers_between(length, gap))
+            jets = np.stack([last(times, i) for i in range(order)], axis=1)
+            jets[: count + 1] += np.stack([correction(window, i) for i in range(order)], axis=1)
+            if self._keeps(durations[:count], jets[: count + 1], owners[:count]):
+                return self._follow(durations, jets, owners, at)
+        times = np.append(at, last.times[first:])
+        durations, owners = np.diff(times), self._owners[first - 1 :]
+        jets = np.stack([last(times, i) for i in range(order)], axis=1)
+        jets[0] += gap[0, 0]
+        left = float(durations[0]) if len(durations) else 0.0
+        for factor in SLOWER if self._sound and left > 0.0 else ():
+            durations[0] = factor * left
+            if durations.sum() <= most and self._keeps(durations[:1], jets[:2], owners[:1]):
+                return self._follow(durations, jets, owners, at - (factor - 1.0) * left)
+        return False
+
+    def _follow(self, durations: Floats, jets: Floats, owners: Ints, skipped: float) -> bool:
+        """Store a curve that meets the last one, whose time is later by `skipped`; return True."""
+        times = np.concatenate([[0.0], np.cumsum(durations)])
+        ends = np.stack([jets[:-1], jets[1:]], axis=1)
+        self._curve, self._owners = Trajectory(times, powers_between(durations, ends)), owners
+        self._begun += skipped
+        return True
+
+
+def _curve_of(search: Any) -> Trajectory:
+    """Return the curve of a search, which begins at time 0."""
+    times = np.concatenate([[0.0], np.cumsum(search.durations)])
+    return Trajectory(times, coefficients_of(search, search.jets()[0]))
 
 
 def _tail(search: Any, k: int, share: float, state: Floats) -> Any:

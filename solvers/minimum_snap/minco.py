@@ -18,7 +18,17 @@ from .minco_kernels import positions, spline
 from .minco_limits import QUANTITIES, Multipliers, Task, measure
 from .minco_task import Region, Rows, basis, limits_of, posed
 
-__all__ = ["Fastest", "Region", "Rows", "Search", "coefficients_of", "fastest", "limits_of"]
+__all__ = [
+    "Fastest",
+    "Region",
+    "Rows",
+    "Search",
+    "coefficients_of",
+    "fastest",
+    "limits_of",
+    "peak",
+    "powers_between",
+]
 
 Floats = NDArray[np.float64]
 
@@ -116,7 +126,7 @@ class Search:
     def peaks(self) -> tuple[Floats, Floats]:
         """Return the largest excess of each limit, shape (K, 6), and row, shape (R,), between instants."""
         vehicle, rows = self.excess(self.fine)
-        return _peak(vehicle.swapaxes(1, 2)), _peak(rows)
+        return peak(vehicle.swapaxes(1, 2)), peak(rows)
 
     def worst(self, positions: bool = True) -> tuple[float, str]:
         """Return the largest excess, relative to its limit, and its name."""
@@ -205,7 +215,7 @@ class Search:
         return True
 
 
-def _peak(values: Floats) -> Floats:
+def peak(values: Floats) -> Floats:
     """Return the largest value along the last axis, by parabolas through three instants."""
     if not values.size:
         return np.empty(values.shape[:-1])
@@ -390,9 +400,14 @@ def _finish(
 
 def coefficients_of(search: Search, jets: Floats) -> Floats:
     """Return ascending powers of s, shape (K, 2r, D)."""
-    r = jets.shape[1]
-    scale = search.durations[:, None] ** np.arange(float(r))
-    local = jets[search.task.nodes] * scale[:, None, :, None]
+    return powers_between(search.durations, jets[search.task.nodes])
+
+
+def powers_between(durations: Floats, ends: Floats) -> Floats:
+    """Return ascending powers of s, shape (K, 2r, D), from derivatives at both ends, shape (K, 2, r, D)."""
+    r = ends.shape[2]
+    scale = durations[:, None] ** np.arange(float(r))
+    local = ends * scale[:, None, :, None]
     start = local[:, :1, 0].copy()
     local[:, :, 0] -= start
     local = local.reshape(len(local), 2 * r, -1)

@@ -8,6 +8,11 @@ import numpy as np
 from crosstrack.models import Flight, FlightPlan, GridMap, PointMass, Trajectory, VoxelMap
 
 WALL = [[4.0, -3.0], [6.0, -3.0], [6.0, 3.0], [4.0, 3.0]]
+#: Polygon with a hole.
+RING = {
+    "shell": [[2, -3], [8, -3], [8, 3], [2, 3]],
+    "holes": [[[3, -2], [7, -2], [7, 2], [3, 2]]],
+}
 #: From 0 to 1 in a unit of time, with velocity, acceleration and jerk 0 at both ends.
 REST = np.array([0.0, 0, 0, 0, 35, -84, 70, -20])
 
