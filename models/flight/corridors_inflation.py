@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .corridors_kernels import CUTS, approach, cover, least_norm
 from .corridors_obstacles import Bodies
 
 __all__ = ["Contact", "Inflation", "inflate", "largest_ball"]
@@ -26,8 +27,8 @@ _GROWTH, _PASSES = 1.02, 12
 _MARGIN, _MOST_MARGIN = 0.3, 0.05
 #: Distance from an obstacle, beyond the radius and relative to the window, that is treated as contact.
 CONTACT = 1e-9
-#: Maximum numbers of sweeps of the projections and of cuts per plane.
-_SWEEPS, _CUTS = 60, 12
+#: Maximum number of sweeps of the projections.
+_SWEEPS = 60
 
 
 class Contact(NamedTuple):
@@ -58,12 +59,6 @@ class _Window(NamedTuple):
         spread = np.abs(self.arms @ normals.T).sum(axis=1)
         offsets: Floats = self.centres @ normals.T - spread - self.radius
         return offsets
-
-    def vertex(self, body: int, normal: Floats) -> Floats:
-        """Return the point of an enlarged body with the lowest offset along a unit normal."""
-        signs = np.sign(self.arms[body] @ normal)
-        point: Floats = self.centres[body] - signs @ self.arms[body] - self.radius * normal
-        return point
 
 
 def inflate(
@@ -153,53 +148,23 @@ def _directions(window: _Window) -> tuple[Floats, Floats]:
 
 
 def nearest(centres: Floats, arms: Floats, sweeps: int = _SWEEPS) -> Floats:
-    """Return the points of bodies nearest to the origin, shape (n, d), by coordinate descent."""
-    points = centres.copy()
-    squares = np.maximum((arms**2).sum(axis=2), 1e-300)
-    shares = np.zeros(squares.shape)
-    for _ in range(sweeps):
-        before = points.copy()
-        for k in range(arms.shape[1]):
-            arm = arms[:, k]
-            share = shares[:, k] - np.einsum("nd,nd->n", points, arm) / squares[:, k]
-            share = np.clip(share, -1.0, 1.0)
-            points += (share - shares[:, k])[:, None] * arm
-            shares[:, k] = share
-        if arms.shape[1] < 2 or np.abs(points - before).max(initial=0.0) < 1e-12:
-            break
+    """Return the points of bodies nearest to the origin, shape (n, d)."""
+    points = np.zeros(centres.shape)
+    approach(np.ascontiguousarray(centres), np.ascontiguousarray(arms), sweeps, points)
     return points
 
 
 def _separation(centre: Floats, arms: Floats, start: Floats) -> Floats | None:
     """Return the unit normal of the widest slab between the origin and a body, or None if they meet."""
-    rows, normal = [start], start
-    for _ in range(_CUTS):
-        least = _least_norm(np.array(rows), np.ones(len(rows)))
-        if least is None:
+    rows, normal = np.array([start]), np.zeros(len(start))
+    for _ in range(CUTS):
+        if not least_norm(rows, np.ones(len(rows)), len(rows), normal):
             return None
-        normal = least
         vertex = centre - np.sign(arms @ normal) @ arms
         if vertex @ normal > 1 - 1e-9:
             break
-        rows.append(vertex)
+        rows = np.concatenate([rows, vertex[None]])
     return np.asarray(normal / np.linalg.norm(normal))
-
-
-def _least_norm(rows: Floats, bounds: Floats) -> Floats | None:
-    """Return the least a with rows @ a >= bounds, or None without one (Lawson, Hanson 1974, ch. 23)."""
-    from scipy.optimize import nnls
-
-    table = np.concatenate([rows.T, bounds[None]])
-    target = np.zeros(len(table))
-    target[-1] = 1.0
-    try:
-        weights, distance = nnls(table, target)
-    except RuntimeError:  # the maximum number of iterations
-        return None
-    residual = table @ weights - target
-    if distance < 1e-12 or residual[-1] >= 0:
-        return None
-    return np.asarray(-residual[:-1] / residual[-1])
 
 
 def _cover(
@@ -211,51 +176,13 @@ def _cover(
     """
     inverse: Floats = np.linalg.inv(metric).astype(float)
     points = nearest((window.centres - centre) @ inverse.T, window.arms @ inverse.T, 4)
-    order = np.linalg.norm(points, axis=1)
-    normals, owners = [np.empty((0, len(centre)))], []
-    while np.isfinite(order).any():
-        body = int(order.argmin())
-        normal = _plane(window, body, points[body], margin, centre, inverse)
-        if normal is None:
-            normal = away[body]
-        offsets = window.support(normal[None])[:, 0]
-        order[offsets >= offsets[body]] = np.inf
-        normals.append(normal[None])
-        owners.append(body)
-    return np.concatenate(normals), np.array(owners, np.int64)
-
-
-def _plane(
-    window: _Window, body: int, start: Floats, margin: float, centre: Floats, inverse: Floats
-) -> Floats | None:
-    """Return the unit normal of the plane farthest from the ellipsoid's centre, or None if it fails.
-
-    The plane touches the body and keeps the margin from the segment. In the metric of the ellipsoid, it is
-    {y : a @ y = 1} with the least norm of a. The bodies are not polytopes if they have a radius, so the
-    constraints are added one at a time.
-    """
-    rows, bounds = [start], [1.0]
-    for _ in range(_CUTS):
-        least = _least_norm(np.array(rows), np.array(bounds))
-        if least is None:
-            return None
-        normal = inverse.T @ least
-        normal /= np.linalg.norm(normal)
-        vertex = inverse @ (window.vertex(body, normal) - centre)
-        seed = window.seeds[int((window.seeds @ normal).argmax())] + margin * normal
-        limit = inverse @ (seed - centre)
-        before = len(rows)
-        if vertex @ least < 1 - 1e-6:
-            rows.append(vertex)
-            bounds.append(1.0)
-        if limit @ least > 1 + 1e-6:
-            rows.append(-limit)
-            bounds.append(-1.0)
-        if len(rows) == before:
-            break
-    offset = window.vertex(body, normal) @ normal
-    fits = (window.seeds @ normal).max() + 0.5 * margin <= offset and centre @ normal < offset
-    return np.asarray(normal) if fits else None
+    order = np.argsort(np.linalg.norm(points, axis=1), kind="stable")
+    normals, owners = np.zeros(points.shape), np.zeros(len(points), np.int64)
+    count = cover(
+        window.centres, window.arms, window.radius, window.seeds, away, margin, centre, inverse,
+        points, order, normals, owners,
+    )  # fmt: skip
+    return normals[:count], owners[:count]
 
 
 def _needed(window: _Window, normals: Floats, offsets: Floats) -> tuple[Floats, Floats]:
