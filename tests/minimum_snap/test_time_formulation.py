@@ -52,7 +52,7 @@ def agree(model, tolerance=1e-6):
     "name",
     [
         "time-allocation/lap-8s",
-        "time-allocation/walk-20",
+        pytest.param("time-allocation/walk-20", marks=pytest.mark.slow),
         pytest.param("time-allocation/walk-20-limited", marks=pytest.mark.slow),
     ],
 )
@@ -66,7 +66,9 @@ def test_every_feature_has_the_same_optimum(name):
     assert other.plan.durations == pytest.approx(own.plan.durations, rel=1e-2)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, 3, pytest.param(1, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.slow)]
+)
 def test_random_walks_have_the_same_optimum(seed):
     rng = np.random.default_rng(seed)
     order = int(rng.integers(2, 5))

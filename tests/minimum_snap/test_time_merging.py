@@ -61,7 +61,7 @@ def test_a_loop_is_never_merged_into_one_segment():
     assert [runs.tolist() for runs, _ in coarsen(model)] == [[2, 1], [3, 1]]
 
 
-@pytest.mark.parametrize("weight", [1e2, 1e8])
+@pytest.mark.parametrize("weight", [pytest.param(1e2, marks=pytest.mark.slow), 1e8])
 def test_more_free_knots_never_cost_time(weight):
     values = [ct.solve(line(free, weight)).primal_bound for free in (0, 1, 3)]
     for fewer, more in pairwise(values):
