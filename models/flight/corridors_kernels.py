@@ -51,8 +51,8 @@ def approach(centres: Floats, arms: Floats, sweeps: int, points: Floats) -> None
 def least_norm(rows: Floats, bounds: Floats, count: int, least: Floats) -> bool:
     """Write the least a with ``rows @ a >= bounds`` for the first rows, d = 2 or 3; return False without one.
 
-    At the optimum, a is a combination of at most d rows that bind, with positive weights. All of them
-    are tried.
+    A bound must be positive. At the optimum, a is a combination of at most d rows that bind, with positive
+    weights. All of them are tried.
     """
     axes = rows.shape[1]
     table, weights, chosen = np.zeros((3, 4)), np.zeros(3), np.zeros(3, np.int64)
@@ -147,22 +147,9 @@ def cover(
     {y : a @ y = 1} with the least norm of a. It keeps the margin from the segment. Bodies are enlarged by a
     radius, so that their constraints are added one at a time.
 
-    Parameters
-    ----------
-    centres, arms, radius, seeds
-        Bodies and the segment.
-    away : ndarray, shape (n, d)
-        Normals for bodies without such a plane.
-    margin : float
-        Distance of the planes from the segment.
-    centre, inverse : ndarray, shape (d,), (d, d)
-        Centre of the ellipsoid and inverse of its factor.
-    points : ndarray, shape (n, d)
-        First vertex of each body in the metric of the ellipsoid.
-    order : ndarray of int, shape (n,)
-        Bodies by their distance.
-    normals, owners : ndarray, shape (n, d), (n,)
-        Results; zeros.
+    `away`, shape (n, d): normals of bodies without such a plane. `inverse`: inverse of the ellipsoid's factor.
+    `points`, shape (n, d): first vertices in its metric. `order`: bodies by their distance. `normals`, shape
+    (n, d), and `owners`, shape (n,), receive the result.
     """
     count, axes = centres.shape
     left = np.ones(count, np.uint8)
