@@ -66,18 +66,8 @@ def inflate(
 ) -> Inflation | Contact:
     """Return a polytope that contains a segment and no body, or the body that the segment touches.
 
-    Parameters
-    ----------
-    bodies : Bodies
-        Obstacles.
-    radius : float
-        Radius of the vehicle, m.
-    seeds : ndarray, shape (k, d)
-        Ends of the segment, m.
-    low, high : ndarray, shape (d,)
-        Box of the polytope, m, which contains the segment.
-    passes : int
-        Maximum number of passes.
+    `seeds`, shape (k, d), are the ends of the segment, and `low` and `high` the box of the polytope, which
+    contains it; all in m. There are at most `passes` passes.
     """
     scale, middle = float((high - low).max()), seeds.mean(axis=0)
     guard = rounding(np.abs([low, high]).max() + radius)

@@ -45,17 +45,9 @@ ROUNDS = 50
 def excludes(program: ConicProgram, ray: Vector, center: Vector | None = None) -> bool:
     """Return True if the multipliers `ray` prove that no point satisfies rows, bounds and cones.
 
-    The proof may also be `ray` without its small entries, which an interior-point method leaves on rows
-    and cones that the proof does not need.
-
-    Parameters
-    ----------
-    program : ConicProgram
-        The program claimed infeasible.
-    ray : ndarray, shape (rows + cone rows,)
-        Multipliers of rows and cone rows.
-    center : ndarray, shape (columns,), optional
-        Origin of distances, such as the least infeasible point. Default: 0.
+    The proof may also be `ray`, shape (rows + cone rows,), without its small entries, which an interior-point
+    method leaves on rows and cones that the proof does not need. `center` is the origin of distances, such as
+    the least infeasible point; 0 by default.
     """
     sizes = _shared(program, np.abs(unit(ray)))
     own = np.abs(unit(ray)) > SMALL
@@ -92,15 +84,7 @@ def _contradicts(program: ConicProgram, ray: Vector, center: Vector | None) -> b
 
 
 def recedes(program: ConicProgram, direction: Vector) -> bool:
-    """Return True if the objective decreases without bound along `direction` from any feasible point.
-
-    Parameters
-    ----------
-    program : ConicProgram
-        The program claimed unbounded.
-    direction : ndarray, shape (columns,)
-        Direction of recession.
-    """
+    """Return True if the objective decreases without bound along `direction` from any feasible point."""
     d = unit(direction)
     parts = [program.hessian, program.matrix, sp.eye_array(program.size), program.cone_matrix]
     stack = sp.vstack(parts, format="csr")
@@ -132,16 +116,8 @@ def examined(
 ) -> Findings:
     """Prove what can be proven about a program for which a solver found no optimum.
 
-    Parameters
-    ----------
-    program : ConicProgram
-        The program.
-    solve : callable
-        Function that solves a conic program. It is used for an elastic and a recession program.
-    ray, direction : ndarray, optional
-        Certificates that the solver returned.
-    point : ndarray, optional
-        A feasible point, if one is known.
+    `solve` solves a conic program: an elastic one and a recession program. `ray` and `direction` are certificates
+    of the solver, and `point` is a feasible point, if they are known.
     """
     if point is None and ray is not None and excludes(program, ray):
         return Findings(infeasible=True, source="the solver's ray")
@@ -171,11 +147,6 @@ def elastic(program: ConicProgram) -> ConicProgram:
     """Return the program of the smallest relaxation t of all rows and cones.
 
     Its last column is t. Its rows are those with lower bounds, then those with upper bounds.
-
-    Parameters
-    ----------
-    program : ConicProgram
-        The program to relax.
     """
     low, high = np.isfinite(program.row_lower), np.isfinite(program.row_upper)
     below, above = program.matrix[np.flatnonzero(low)], program.matrix[np.flatnonzero(high)]

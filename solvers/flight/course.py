@@ -82,25 +82,10 @@ class Course(NamedTuple):
 def course_of(
     model: Flight, path: Floats, stops: Ints, inset: float = INSET, pause: Any = bool
 ) -> Course:
-    """Return the course along a polyline over free cells.
+    """Return the course along a polyline over free cells, m, with its points at the start, the waypoints and the goal.
 
-    Parameters
-    ----------
-    model : Flight
-        The flight.
-    path : ndarray, shape (n, axes)
-        Polyline from the start past the waypoints to the goal, m.
-    stops : ndarray of int, shape (k + 2,)
-        Points of the polyline at the start, the waypoints and the goal.
-    inset : float
-        Inset of the polytopes in cells.
-    pause : callable, optional
-        Function that is called before each polytope.
-
-    Raises
-    ------
-    InvalidData
-        The corridor along the polyline has no interior.
+    The polytopes have an inset in cells. `pause` is called before each polytope. InvalidData: the corridor has no
+    interior.
     """
     polytopes: list[Polytope] = []
     knots, marks = [path[0]], [0]
@@ -184,23 +169,8 @@ def stretched(
 ) -> Trajectory | None:
     """Return a curve from rest to rest in about the least multiple of its time within the limits.
 
-    Parameters
-    ----------
-    vehicle : Vehicle
-        The vehicle.
-    curve : Trajectory
-        Curve with velocity and acceleration 0 at both ends.
-    first : float
-        Multiple that is tried first.
-    fine : float
-        Relative accuracy of the multiple.
-    stopped : callable
-        Whether to return the first multiple within the limits.
-
-    Returns
-    -------
-    Trajectory or None
-        None if no multiple is found. Without limits, the curve at the first multiple.
+    The search begins at the multiple `first`, ends at the relative accuracy `fine`, and returns its best multiple
+    if `stopped`. None: no multiple is found. Without limits, it is the first one.
     """
 
     def at(factor: float) -> Trajectory:

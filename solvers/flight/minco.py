@@ -79,20 +79,9 @@ def engine(
 ) -> Fastest:
     """Return the curve of locally minimum objective in the corridor of a course.
 
-    Parameters
-    ----------
-    problem : Flight
-        The flight.
-    course : Course
-        Its course.
-    points : ndarray, shape (segments + 1, axes), optional
-        Start of the search for the knots, m; by default those of the course.
-    durations : ndarray, shape (segments,), optional
-        Start of the search for the durations, s.
-    limits : ndarray, shape (8,), optional
-        Limits, by default those of the vehicle.
-    **options
-        Further arguments of :func:`~crosstrack.solvers.minimum_snap.minco.fastest`.
+    The search starts at the knots `points`, m, and `durations`, s, by default those of the course, and keeps
+    `limits`, by default those of the vehicle. Further options are those of
+    :func:`~crosstrack.solvers.minimum_snap.minco.fastest`.
     """
     knots = course.knots if points is None else points
     timed = problem.objective is FlightObjective.TIME

@@ -39,14 +39,7 @@ def separations(model: Flight, tolerance: float = TOLERANCE) -> list[Separation]
     """Return the consecutive places of a flight that are proven to be separated by obstacles.
 
     The free space is enlarged to cells, or to a polygon, that contain it. If two places are in different
-    components of the enlarged space, no continuous curve connects them.
-
-    Parameters
-    ----------
-    model : Flight
-        The flight.
-    tolerance : float
-        Tolerance of the verification of plans.
+    components of the enlarged space, no continuous curve connects them. `tolerance` is that of the verification.
     """
     slack = max(SLACK, RESERVE * tolerance)
     if slack >= 0.5:  # a plan may cross a cell
@@ -140,17 +133,10 @@ def _polygon_regions(model: Flight, slack: float) -> tuple[list[set[int]], Any]:
 
 
 def least_objective(model: Flight, tolerance: float = TOLERANCE) -> float:
-    """Return a lower bound on the objective of every plan.
+    """Return a lower bound on the objective of every plan that the verification accepts at `tolerance`.
 
     It is the time along straight lines between the places within the limits of speed and acceleration, from
     rest to rest; no other way is shorter.
-
-    Parameters
-    ----------
-    model : Flight
-        The flight.
-    tolerance : float
-        Tolerance of the verification of plans.
     """
     lengths = np.linalg.norm(np.diff(model.places, axis=0), axis=1)
     # Plans may miss each place by the tolerance.

@@ -54,19 +54,9 @@ class Lattice(NamedTuple):
 
 
 def lattice(model: Flight, parts: int = 1) -> Lattice | None:
-    """Return the cells of a flight's map that are safe for the vehicle's centre.
+    """Return the cells of a flight's map that are safe for the vehicle's centre, each side in `parts`.
 
-    Parameters
-    ----------
-    model : Flight
-        The flight.
-    parts : int
-        Number of parts into which a side of the model's cells is divided.
-
-    Returns
-    -------
-    Lattice or None
-        None if the map has too many cells, or none of them is free.
+    None if they are too many, or none of them is free.
     """
     space, source, cell = model.space, model.map, model.cell / parts
     most = MOST if parts == 1 else FINEST
@@ -123,21 +113,8 @@ def _near_points(points: Floats, count: Ints, cell: float, origin: Floats, radiu
 def way(model: Flight, cells: Lattice, flag: NDArray[np.int8]) -> tuple[Floats, Ints] | None:
     """Return a polyline over free cells from the start past the waypoints to the goal.
 
-    Parameters
-    ----------
-    model : Flight
-        The flight.
-    cells : Lattice
-        Cells of the planner.
-    flag : ndarray of int8, shape (1,)
-        Stop flag.
-
-    Returns
-    -------
-    points : ndarray, shape (n, axes)
-        Points of the polyline, m.
-    stops : ndarray of int, shape (k + 2,)
-        Index of the start, of each waypoint and of the goal. None if a place is not connected.
+    It has the points, m, shape (n, axes), and the index of the start, of each waypoint and of the goal among
+    them. None if a place is not connected. A nonzero `flag` stops the search.
     """
     from .kernels import shortened, walk
 

@@ -116,23 +116,8 @@ def answered(
 ) -> Answer:
     """Run `attempt` for `backend` and return the answer: recomputed, polished and proven.
 
-    Parameters
-    ----------
-    backend : Backend
-        The backend.
-    problem : QuadraticProgram or ConicProgram
-        The program.
-    request : Request
-        Options of the run.
-    attempt : callable
-        Function ``(program, request, clock) -> Ending``.
-    run : type of Run, optional
-        Class of the run. Default: :class:`Run`.
-
-    Raises
-    ------
-    UnsupportedFormulation
-        The backend rejects the program.
+    `attempt` is a function ``(program, request, clock) -> Ending``, and `run` the class of the run, by default
+    :class:`Run`. UnsupportedFormulation: the backend rejects the program.
     """
     backend.require()
     reason = integrality_refusal(problem, backend) or backend.refuses(problem)

@@ -31,19 +31,9 @@ __all__ = ["CasadiConic", "plugins"]
 class _Plugin:
     """Translation of a request to the options of a plugin.
 
-    Parameters
-    ----------
-    own : callable
-        Function of the program, the tolerance, the iterations per call and the seconds left that
-        returns the options of the plugin.
-    dense : bool
-        Whether it makes dense copies.
-    independent : bool
-        Whether it fails on linearly dependent equality rows.
-    piece : int
-        Iterations per call, for plugins without a time limit that can continue; 0 for a single call.
-    most : int
-        Default limit on iterations.
+    `own` returns the options from the program, the tolerance, the iterations per call and the seconds left.
+    `dense`: it makes dense copies. `independent`: it fails on linearly dependent equality rows. `piece`:
+    iterations per call, for plugins without a time limit that can continue, else 0. `most`: default limit.
     """
 
     own: Callable[[QuadraticProgram, float, int, float | None], dict[str, Any]]

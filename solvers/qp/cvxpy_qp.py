@@ -25,19 +25,7 @@ _NEARLY = {"infeasible_inaccurate": Ended.INFEASIBLE, "unbounded_inaccurate": En
 def attempt(program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
     """Solve a quadratic program through CVXPY.
 
-    Parameters
-    ----------
-    program : QuadraticProgram
-        The program.
-    request : Request
-        Options of the run.
-    clock : Clock
-        Clock of the run.
-
-    Raises
-    ------
-    UnsupportedOption, UnsupportedFormulation
-        The selected solver does not support an option or the program.
+    UnsupportedOption and UnsupportedFormulation: the selected solver does not support an option or the program.
     """
     solver = str(request.options["solver"])
     time_name, options = told(solver.lower(), request)

@@ -94,15 +94,9 @@ class Core:
     def proximal(self, center: Vector | None, weight: float) -> Core:
         """Return the core with a strictly convex objective, which has the same value at `center`.
 
-        Solvers that fail on flat objectives can solve this program. Mostly the same rows bind at its
-        optimum, from which polishing finds that of the given program.
-
-        Parameters
-        ----------
-        center : ndarray, shape (columns,), optional
-            Centre of the proximal term in terms of the given program. Default: 0.
-        weight : float
-            Weight of the term relative to the largest curvature.
+        Solvers that fail on flat objectives can solve this program. Mostly the same rows bind at its optimum, from
+        which polishing finds that of the given program. `center`, 0 by default, has the columns of the given program,
+        and `weight` is relative to the largest curvature.
         """
         program = self.program
         around = np.zeros(program.size)
@@ -314,10 +308,7 @@ class ConicForm:
 def columnwise(block: ConeBlock) -> Places:
     """Return the index, in row order, of each entry of the lower triangle in column order.
 
-    Parameters
-    ----------
-    block : ConeBlock
-        A block of semidefinite cones; others keep their order.
+    Cones that are not semidefinite keep their order.
     """
     if block.kind is not ConeKind.SEMIDEFINITE:
         return np.arange(block.dimension)
@@ -326,13 +317,7 @@ def columnwise(block: ConeBlock) -> Places:
 
 
 def stacked_rows(program: QuadraticProgram) -> tuple[Any, Vector, Vector]:
-    """Return rows and bounded columns as ``low <= matrix @ x <= high``, rows first.
-
-    Parameters
-    ----------
-    program : QuadraticProgram
-        The program.
-    """
+    """Return rows and bounded columns as ``low <= matrix @ x <= high``, rows first."""
     bounded = np.flatnonzero(np.isfinite(program.column_lower) | np.isfinite(program.column_upper))
     unit = sp.eye_array(program.size, format="csr")[bounded]
     return (

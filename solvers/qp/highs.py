@@ -24,17 +24,7 @@ NULLSPACE = 10_000
 
 
 def attempt(program: QuadraticProgram, request: Request, clock: Clock) -> Ending:
-    """Solve a quadratic program with HiGHS.
-
-    Parameters
-    ----------
-    program : QuadraticProgram
-        The program.
-    request : Request
-        Options of the run.
-    clock : Clock
-        Clock of the run.
-    """
+    """Solve a quadratic program with HiGHS."""
     tolerance = solver_tolerance(request, 1e-10, 1e-7, share=1e-2)
     options = {
         "primal_feasibility_tolerance": tolerance,

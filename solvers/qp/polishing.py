@@ -50,14 +50,7 @@ def polished(
 ) -> Quality:
     """Return the better of `start` and the optimum of the active set at `start`.
 
-    Parameters
-    ----------
-    program : QuadraticProgram
-        The program.
-    start : Quality
-        An approximate optimum.
-    over : callable, optional
-        Function that returns True if the time is up, called between two systems.
+    `over` returns True if the time is up, and is called between two systems.
     """
     entries = 2 * program.matrix.nnz + program.hessian.nnz
     accurate = max(start.violation, start.apart / max(1e-3, start.terms)) <= ACCURATE

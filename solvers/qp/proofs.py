@@ -134,16 +134,8 @@ def examined(
 ) -> Findings:
     """Prove what can be proven about a program for which a solver found no optimum.
 
-    Parameters
-    ----------
-    program : QuadraticProgram
-        The program.
-    ray, direction : ndarray, optional
-        Certificates that the solver returned.
-    point : ndarray, optional
-        A feasible point, if one is known.
-    left : callable, optional
-        Function that returns the seconds left; None without a limit.
+    `ray` and `direction` are certificates of the solver, and `point` is a feasible point, if they are known.
+    `left` returns the seconds left, None without a limit.
     """
     if point is None and ray is not None:
         for candidate in (ray, _cancelled(program, ray)):

@@ -84,20 +84,10 @@ def first_order_precision(request: Request) -> float:
 
 
 def slice_iterations(*matrices: Any) -> int:
-    """Return the iterations after which a solver without a callback polls the stop flag.
+    """Return the iterations, a multiple of 50, after which a solver without a callback polls the stop flag.
 
-    The number depends on the data only, so that the same program takes the same iterations on a
-    busy machine.
-
-    Parameters
-    ----------
-    *matrices : sparse matrix
-        Matrices that an iteration multiplies by or solves with.
-
-    Returns
-    -------
-    int
-        A multiple of 50.
+    The number depends on the data only, so that the same program takes the same iterations on a busy machine:
+    `matrices` are those that an iteration multiplies by or solves with.
     """
     entries = sum(matrix.nnz for matrix in matrices)
     return FEWEST * int(min(max(SLICE / FEWEST / max(entries, 1), 1), MOST // FEWEST))
@@ -120,31 +110,16 @@ def prefers_dense(program: QuadraticProgram, request: Request, largest: int) -> 
 
 
 def told(solver: str, request: Request) -> tuple[str, dict[str, Any]]:
-    """Return the name of a solver's time limit, empty without one, and its options for a request.
-
-    Parameters
-    ----------
-    solver : str
-        Name of the solver, in lower case.
-    request : Request
-        Options of the run.
-    """
+    """Return the name of a solver's time limit, empty without one, and its options for a request."""
     time_name, tolerances = _TOLD.get(solver, ("", ()))
     tolerance = solver_tolerance(request, 1e-10, 1e-8, share=1e-2)
     return time_name, {**dict.fromkeys(tolerances, tolerance), **_MORE.get(solver, {})}
 
 
 def too_large(owner: str, program: QuadraticProgram, rows: int | None = None) -> str:
-    """Return the reason why a program is too large for dense copies, empty if it is not.
+    """Return the reason why a program is too large for dense copies by `owner`, empty if it is not.
 
-    Parameters
-    ----------
-    owner : str
-        Name of the backend, for the message.
-    program : QuadraticProgram
-        The program.
-    rows : int, optional
-        Number of dense rows. Default: the rows of the program.
+    `rows`: number of dense rows, by default those of the program.
     """
     # Hessian and rows, two copies of each.
     count = program.row_count if rows is None else rows

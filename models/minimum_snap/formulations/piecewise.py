@@ -238,20 +238,7 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
         return self.model.highest_fixed
 
     def columns(self, segment: Ints, axis: Ints | int) -> Ints:
-        """Return the indices of the coefficients of segments on an axis, one row per segment.
-
-        Parameters
-        ----------
-        segment : ndarray of int, shape (N,)
-            Segments.
-        axis : int or ndarray of int, shape (N,)
-            Axis of each segment.
-
-        Returns
-        -------
-        ndarray of int, shape (N, degree + 1)
-            Indices in the vector of all coefficients.
-        """
+        """Return the indices of the coefficients of segments on an axis, shape (N, degree + 1)."""
         size = self.model.degree + 1
         first = (segment * self.model.dimensions + axis) * size
         columns: Ints = first[:, None] + np.arange(size)
