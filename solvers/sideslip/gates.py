@@ -48,6 +48,7 @@ __all__ = [
     "intervals",
     "measure_history_distance",
     "measure_training_distance",
+    "small_angle_error",
     "time_ranges",
 ]
 
@@ -120,8 +121,6 @@ def apply_gates(
     drive = problem.recording
     learned = spread > 0.0 and bool(problem.training)
     reference = calibrate_reference(problem, deviation) if learned else problem
-    if not learned:
-        deviation = np.minimum(np.hypot(deviation, small_angle_error(problem)), UNKNOWN)
     difference = find_contradictions(reference, sideslip, deviation)
     contradicted = difference != 0.0
     variance = deviation**2 + difference**2

@@ -16,7 +16,7 @@ from ...models.sideslip.data import UNKNOWN
 from ...models.sideslip.model import SideslipEstimation
 from ...models.sideslip.plan import SideslipEstimate
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
-from .gates import apply_gates
+from .gates import apply_gates, small_angle_error
 
 __all__ = ["UNKNOWN", "Estimate", "SideslipBackend"]
 
@@ -89,6 +89,8 @@ class SideslipBackend(Backend):
         lost = int((~is_finite).sum())
         angle = np.where(is_finite, np.clip(estimate.sideslip, -math.pi / 2, math.pi / 2), 0.0)
         claimed = np.clip(np.where(is_finite, estimate.deviation, UNKNOWN), 0.0, UNKNOWN)
+        if not self.learns:
+            claimed = np.minimum(np.hypot(claimed, small_angle_error(problem)), UNKNOWN)
         with np.errstate(all="ignore"):
             gated = apply_gates(problem, angle, claimed, estimate.spread, history=estimate.history)
         deviation = np.where(problem.recording.moving, gated.deviation, UNKNOWN)
