@@ -17,18 +17,9 @@ from ...jit import kernel
 from ...models.fields import Real, Whole
 
 __all__ = [
-    "HENON",
-    "HUNT",
-    "LORENZ",
-    "ROSSLER",
-    "SHARED",
-    "Growth",
-    "Motion",
-    "bounded_steps",
-    "hunt_rates",
-    "largest_exponent",
-    "orbit",
-]
+    "HENON", "HUNT", "LORENZ", "ROSSLER", "SHARED", "Growth", "Motion", "bounded_steps",
+    "hunt_rates", "largest_exponent", "orbit",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
@@ -230,14 +221,9 @@ def _rates(
 
 @kernel
 def _advance(
-    kind: int,
-    constants: Floats,
-    state: Floats,
-    tangent: Floats,
-    step: float,
-    inner: int,
+    kind: int, constants: Floats, state: Floats, tangent: Floats, step: float, inner: int,
     work: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Move a state and a tangent vector by some steps; `work`, shape (6, n), is overwritten."""
     count = len(state)
     for _ in range(inner):
@@ -268,14 +254,9 @@ def _advance(
 
 @kernel(interpretable=True)
 def _orbit(
-    kind: int,
-    constants: Floats,
-    start: Floats,
-    step: float,
-    inner: int,
-    skipped: int,
+    kind: int, constants: Floats, start: Floats, step: float, inner: int, skipped: int,
     states: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Fill in the states after `skipped` periods, and one period each thereafter."""
     count = len(start)
     state = start.copy()

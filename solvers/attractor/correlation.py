@@ -139,14 +139,9 @@ def drawn_radii(
 
 
 def fit_dimension(
-    states: Floats,
-    theiler: int,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    references: int = MOST,
-    poll: Poll = bool,
-) -> Fit:
+    states: Floats, theiler: int, *, low: float | None = None, high: float | None = None,
+    references: int = MOST, poll: Poll = bool,
+) -> Fit:  # fmt: skip
     """Return the correlation dimension of `states`.
 
     The region is the widest plateau of the local slopes. At its smallest radius the states have two

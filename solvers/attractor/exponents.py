@@ -23,10 +23,9 @@ from ..contract.backend import Request
 from ..contract.option import Option
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, Poll, embed, poll_of
 from .partings import FEW, MOST, Curve, kantz_curve, kantz_radius, rosenstein_curve
-from .prediction import choose_embeddings
+from .prediction import ROBUST, choose_embeddings, noise_level
 from .regions import (
     REFERENCES,
-    ROBUST,
     TURN,
     Stretches,
     describe_variants,
@@ -63,14 +62,10 @@ class Fit:
 
 
 def scaling_region(
-    curve: Curve,
-    level: float,
-    shortest: int,
-    earliest: int = 0,
-    low: int | None = None,
+    curve: Curve, level: float, shortest: int, earliest: int = 0, low: int | None = None,
     high: int | None = None,
     limits: tuple[float, float, int, float] = (MARGIN, RISE, LEAST, CHANGE),
-) -> tuple[int, Stretches] | None:
+) -> tuple[int, Stretches] | None:  # fmt: skip
     """Return the first step of the search, and the stretches of exponential divergence from there on.
 
     The best is the longest stretch with a steady slope that ends :data:`MARGIN` nats below the level of the
@@ -275,10 +270,10 @@ def widen_exponent(
             change = value - fit.slope.value
     region = float(fit.statistics["spread over regions"])
     turn, duration = mean_turn(problem.series), len(problem.series) * problem.period
-    slope = widened_exponent(fit.slope, region, values, turn, duration, change)
-    return replace(
-        fit, slope=slope, statistics={**fit.statistics, **describe_variants(slope, values)}
-    )
+    noise = noise_level(search.states, search.embedding.theiler)
+    slope = widened_exponent(fit.slope, region, values, turn, duration, change, noise)
+    statistics = {**fit.statistics, **describe_variants(slope, values), "relative noise": noise}
+    return replace(fit, slope=slope, statistics=statistics)
 
 
 _NONE = "no exponent: {}"

@@ -14,7 +14,7 @@ from .embedding import standardised, thin_out
 from .native import Embedding, Poll, embed, theiler_window
 from .neighbour_kernels import nearest_states, order_states
 
-__all__ = ["choose_embeddings", "prediction_error"]
+__all__ = ["choose_embeddings", "noise_level", "prediction_error"]
 
 Floats = NDArray[np.float64]
 
@@ -25,6 +25,8 @@ ASKED, HIGH, ASKED_HIGH = 2000, 5, 500
 DIVISORS, DIMENSIONS, SAMPLES, NEIGHBOURS = (1, 2, 8), (2, 3, 4, 6, 8), 10_000, 5
 #: Largest number of embeddings, and largest ratio of the prediction error to the smallest one.
 EMBEDDINGS, WORSE = 8, 1.5
+#: Nearest states for the estimate of the noise, and ratio of the deviation of normal values to the median of their sizes.
+NEAREST, ROBUST = 10, 1.4826
 
 
 def prediction_error(
@@ -51,6 +53,31 @@ def prediction_error(
     futures = values[(dimension - 1) * delay + ahead :]
     errors = futures[rows[complete]] - futures[which[complete]].mean(axis=1)
     return float((errors**2).mean())
+
+
+def noise_level(states: Floats, theiler: int) -> float:
+    """Return the standard deviation of the noise in each coordinate of states, relative to that of the last one.
+
+    The first estimate is the Gamma test (A. Stefánsson, N. Končar and A. Jones, Neural Computing & Applications 5,
+    1997): half the square difference of the last coordinate one sample later, as a linear function of the mean
+    square distance of the first to tenth nearest states, tends to the variance of the noise at distance 0. Medians, scaled
+    to the variance of normal values, leave out states that a map tears apart. The distance of the nearest states is a
+    second estimate, and the smaller one is returned; 0 without enough neighbours.
+    """
+    states = states / np.ptp(states)  # squares would overflow otherwise
+    futures, last = states[1:, -1], len(states) - 1
+    ordered, times, places = order_states(states[:last])
+    rows = thin_out(last, ASKED if states.shape[1] <= HIGH else ASKED_HIGH)
+    which, squares, _ = nearest_states(ordered, times, places[rows], theiler, NEAREST, False)
+    complete = which[:, -1] >= 0
+    squares, deviation = squares[complete], float(states[:, -1].std())
+    if not complete.any() or not np.ptp(squares.mean(axis=0)) > 0 or not deviation > 0:
+        return 0.0
+    apart = futures[which[complete]] - futures[rows[complete], None]
+    variances = (ROBUST * np.median(np.abs(apart), axis=0)) ** 2 / 2
+    at_zero = float(np.polyfit(squares.mean(axis=0), variances, 1)[1])
+    nearest = math.exp(float(np.log(squares[:, 0]).mean())) / (2 * states.shape[1])
+    return math.sqrt(max(min(at_zero, nearest), 0.0)) / deviation
 
 
 def choose_embeddings(

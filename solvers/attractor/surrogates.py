@@ -21,14 +21,8 @@ from .native import Embedding, Poll
 from .prediction import ASKED, prediction_error
 
 __all__ = [
-    "RANKING",
-    "Ranks",
-    "match_ends",
-    "normal_scores",
-    "ranks",
-    "statistics",
-    "surrogates_of",
-]
+    "RANKING", "Ranks", "match_ends", "normal_scores", "ranks", "statistics", "surrogates_of",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
@@ -177,13 +171,9 @@ class Ranks:
 
 
 def ranks(
-    series: Floats,
-    embedding: Embedding,
-    options: Mapping[str, Any],
-    seed: int,
-    poll: Poll = bool,
+    series: Floats, embedding: Embedding, options: Mapping[str, Any], seed: int, poll: Poll = bool,
     ahead: int | None = None,
-) -> Ranks:
+) -> Ranks:  # fmt: skip
     """Return the rank of a series among its surrogates by its prediction, by default one delay ahead.
 
     `options` are those of :data:`RANKING`. If the time `ahead` has more than 16 samples, samples are skipped so

@@ -1,7 +1,8 @@
 """Coverage of stated deviations and false verdicts of the attractor estimates, for the problem's page.
 
-``python tests/benchmarks/attractor/coverage.py`` writes the tables ``coverage``, ``coverage-systems`` and
-``coverage-nulls`` of ``docs/measured/attractor.json``. A truth is covered if it lies within two stated deviations.
+``python tests/benchmarks/attractor/coverage.py`` writes the tables ``coverage``, ``coverage-systems``, ``coverage-nulls`` and
+``coverage-noise`` of ``docs/measured/attractor.json``; ``slopes``, ``judgements`` and ``noise`` as arguments select parts. A truth
+is covered if it lies within two stated deviations.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from benchmarks.attractor.known_systems import (  # noqa: E402
     null_series,
     series_of,
 )
+from benchmarks.attractor.verdicts import disturbed  # noqa: E402
 from benchmarks.measured import write  # noqa: E402
 
 from crosstrack.models import AttractorAnalysis  # noqa: E402
@@ -33,6 +35,8 @@ SIZES, STARTS = (1_000, 3_000, 20_000), 2
 NULLS = (1_000, 3_000) * 4 + (2_000, 20_000)
 EXPONENT, DIMENSION = "rosenstein", "correlation-dimension"
 WITHIN = 2.0
+#: Noise as a share of the deviation, and lengths of the series with noise.
+NOISE, NOISY_SIZES = (0.02, 0.05), (1_000, 5_000)
 
 
 def estimate(name: str, series: np.ndarray, period: float = 1.0) -> Any:
@@ -156,8 +160,42 @@ def judge_all() -> None:
         print(kind, *row, sep=" | ")
 
 
+def cover_noise() -> None:
+    """Write the coverage of exponents and dimensions of series with noise."""
+    rows = []
+    for noise in NOISE:
+        for method in (EXPONENT, DIMENSION):
+            for label, names in (("calibration", CALIBRATION), ("held out", HELD_OUT)):
+                for count in NOISY_SIZES:
+                    known = [name for name in names if truth_of(name, method) is not None]
+                    errors = []
+                    for name in known:
+                        series = disturbed(series_of(name, count, 0), noise, name)
+                        plan = estimate(method, series, float(SYSTEMS[name].period))
+                        slope, truth = plan.exponent or plan.correlation, truth_of(name, method)
+                        if slope is not None:
+                            ratio = slope.deviation / truth, abs(slope.value / truth - 1)
+                            errors.append((covers(slope, truth), *ratio))
+                    good, width, error = np.transpose(errors)
+                    rows.append(
+                        [
+                            method, 100 * noise, label, f"{count:,}", len(known), len(errors), 100 * good.mean(),
+                            100 * np.median(width), 100 * np.median(error),
+                        ]
+                    )  # fmt: skip
+                    print(*rows[-1], sep=" | ", flush=True)
+    columns = {
+        "backend": "", "noise, %": ".0f", "systems": "", "samples": "", "series": "d", "stated": "d",
+        "covered, %": ".0f", "median deviation, %": ".1f", "median error, %": ".1f",
+    }  # fmt: skip
+    write(
+        "attractor", "coverage-noise", __file__, columns, rows, ("numpy",),
+        "Series with normal noise, as a share of their deviation. The truth is covered if it lies within two stated deviations.",
+    )  # fmt: skip
+
+
+PARTS = {"slopes": lambda: summarise(measure()), "judgements": judge_all, "noise": cover_noise}
+
 if __name__ == "__main__":
-    if "judgements" not in sys.argv[1:]:
-        summarise(measure())
-    if "slopes" not in sys.argv[1:]:
-        judge_all()
+    for part in sys.argv[1:] or PARTS:
+        PARTS[part]()
