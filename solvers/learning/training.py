@@ -25,17 +25,9 @@ from .trainer import Course, Trainer, Training, one_thread
 from .weights import Weights, read_arrays, write_arrays, write_weights
 
 __all__ = [
-    "Course",
-    "Epoch",
-    "Trained",
-    "Trainer",
-    "Training",
-    "checkpoint_path",
-    "find_training",
-    "one_thread",
-    "train",
-    "trainings",
-]
+    "Course", "Epoch", "Trained", "Trainer", "Training", "checkpoint_path", "find_training",
+    "one_thread", "train", "trainings",
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -151,17 +143,10 @@ def checkpoint_path(path: Path) -> Path:
 
 
 def train(
-    name: str | Training,
-    path: Any,
-    *,
-    examples: Any = None,
-    seed: int = 0,
-    epochs: int | None = None,
-    time_limit: float | None = None,
-    resume: bool = False,
-    on_progress: Callable[[Epoch], None] | None = None,
-    options: Mapping[str, Any] | None = None,
-) -> Trained:
+    name: str | Training, path: Any, *, examples: Any = None, seed: int = 0,
+    epochs: int | None = None, time_limit: float | None = None, resume: bool = False,
+    on_progress: Callable[[Epoch], None] | None = None, options: Mapping[str, Any] | None = None,
+) -> Trained:  # fmt: skip
     """Train, and write the weights of the best epoch to a file.
 
     A checkpoint, ``<file>.checkpoint.npz``, is written after each epoch. With `resume`, training
