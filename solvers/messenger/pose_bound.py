@@ -72,7 +72,8 @@ def prove_poses(
             break
         heapq.heapreplace(heap, (max(bound, order.refine()), number, order))
     bound = min(heap[0][0], limit) if far.size else 0.0
-    return max(bound - ROUNDING * (best + apart.max() + problem.turning_radius), 0.0)
+    slack = ROUNDING * (best + float(apart.max()) + problem.turning_radius)
+    return max(bound - slack, 0.0)
 
 
 class _Order:
@@ -153,4 +154,5 @@ class _Order:
         most = np.minimum(off + cells[:, THETA_HALF] + cells[:, PHI_HALF], math.pi)
         along = node[2] * np.cos(cells[:, PHI]) + node[3] * np.sin(cells[:, PHI])
         along += np.hypot(node[2], node[3]) * cells[:, PHI_HALF]
-        return cells[np.cos(most) <= along + ROUNDING]
+        inward: Floats = cells[np.cos(most) <= along + ROUNDING]
+        return inward

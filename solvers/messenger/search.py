@@ -41,7 +41,7 @@ MANY_SHARE = 0.05
 SKETCH_PROGRAMS = 300
 #: Largest number of vehicles of the bound over poses. Its number of edges, and the factor on it if the
 #: requested gap is at least the given one.
-FEW, EDGES, MORE_EDGES, WIDE_GAP = 3, 300_000, 60, 1e-5
+FEW, EDGES, MORE_EDGES, WIDE_GAP = 3, 300_000, 200, 1e-5
 #: Largest relative violation of a tour that is repaired.
 NEAR_MISS = 1e-3
 #: Least relative gain of a shorter tour that resets the patience.

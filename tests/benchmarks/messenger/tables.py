@@ -47,7 +47,7 @@ def few(vehicles: int) -> Rows:
     ]
     apart = [one.gap for one in found]
     seconds = float(np.median([one.seconds["solve"] for one in found]))
-    optimal = sum(gap <= 0.01 for gap in apart)
+    optimal = int(sum(gap <= 0.01 for gap in apart))
     yield (vehicles, len(found), seconds, float(np.median(apart)), float(max(apart)), optimal)
 
 
