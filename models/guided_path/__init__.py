@@ -17,6 +17,7 @@ SHARED = (
     "orders.order_program",
     "orders.usable_arcs",
     "relation.closure_of",
+    "relation.listed_pairs",
     "relation.sorted_customers",
 )
 MODELS = {"guided-path-tour": ".model:GuidedPathTour"}

@@ -35,9 +35,8 @@ def verify_tour(model: GuidedPathData, plan: GuidedPathPlan, tolerance: float) -
     wrong = np.flatnonzero(times != 1)
     first = np.full(model.size, len(plan.order))
     first[np.array(plan.order[::-1], int)] = np.arange(len(plan.order))[::-1]
-    pairs = np.array(model.pairs, int).reshape(-1, 2)
-    before, after = first[pairs].T
-    broken = pairs[(before >= after) & (before < len(plan.order))].tolist()
+    before, after = first[model.links].T
+    broken = model.links[(before >= after) & (before < len(plan.order))].tolist()
     label = model.label
     served = [f"customer {label(int(k) + 1)}" for k in wrong]
     checks = [

@@ -128,27 +128,40 @@ class GuidedPathData(Model[GuidedPathPlan]):
         return self.coordinates
 
     @cached_property
+    def links(self) -> NDArray[np.int64]:
+        """Direct precedence pairs of chains and precedence, without duplicates and sorted, shape (p, 2)."""
+        chained = [pair for chain in self.chains for pair in itertools.pairwise(chain)]
+        every = np.concatenate([np.array(chained, np.int64).reshape(-1, 2), self.precedence])
+        codes = np.sort(every[:, 0] * self.size + every[:, 1])
+        before, after = np.divmod(codes[np.diff(codes, prepend=-1) > 0], self.size)
+        links = np.column_stack([before, after])[before > 0]
+        links.flags.writeable = False
+        return links
+
+    @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """Direct precedence pairs of chains and precedence, without duplicates and sorted."""
-        links = [pair for chain in self.chains for pair in itertools.pairwise(chain)]
-        every = np.concatenate([np.array(links, np.int64).reshape(-1, 2), self.precedence])
-        before, after = np.divmod(np.unique(every @ [self.size, 1]), self.size)
-        return tuple(zip(before[before > 0].tolist(), after[before > 0].tolist(), strict=True))
+        """The rows of `links`."""
+        return tuple(map(tuple, self.links.tolist()))
 
     @cached_property
     def before(self) -> list[list[int]]:
         """Direct predecessors of each customer in ascending order; entry 0 is empty."""
-        return listed_pairs(self.size, ((b, a) for a, b in self.pairs))
+        return listed_pairs(self.size, self.links[:, ::-1])
 
     @cached_property
     def after(self) -> list[list[int]]:
         """Direct successors of each customer in ascending order; entry 0 is empty."""
-        return listed_pairs(self.size, self.pairs)
+        return listed_pairs(self.size, self.links)
+
+    @property
+    def is_disjoint(self) -> bool:
+        """Whether the relation consists of disjoint chains."""
+        return all(len(entry) <= 1 for entry in (*self.before, *self.after))
 
     @cached_property
     def sorted_customers(self) -> tuple[int, ...]:
         """Customers in a topological order of the relation."""
-        return sorted_customers(self.size, self.pairs)
+        return sorted_customers(self.before, self.after)
 
     @cached_property
     def closure(self) -> NDArray[np.bool_]:
@@ -161,15 +174,13 @@ class GuidedPathData(Model[GuidedPathPlan]):
                 f"closure is available for at most {MOST_DENSE} customers, got {self.size - 1}: use pairs",
                 field="precedence",
             )
-        matrix = closure_of(self.size, self.pairs, self.sorted_customers)
+        matrix = closure_of(self.after, self.sorted_customers)
         matrix.flags.writeable = False
         return matrix
 
     @cached_property
     def cover(self) -> tuple[tuple[int, ...], ...]:
         """Minimum chain cover of the customers; a small, not minimum one if the relation is large."""
-        pairs = self.pairs
-        plain = len(pairs) == len(dict(pairs)) == len({after for _, after in pairs})
-        if plain or self.size > MOST_DENSE + 1 or self.closure.sum() > DENSE:
-            return joined_chains(self.size, pairs, self.sorted_customers)
+        if self.is_disjoint or self.size > MOST_DENSE + 1 or self.closure.sum() > DENSE:
+            return joined_chains(self.before, self.sorted_customers)
         return chain_cover(self.closure, self.sorted_customers)

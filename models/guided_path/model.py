@@ -103,10 +103,10 @@ class GuidedPathTour(GuidedPathData):
         """
         if extensions_of(self):
             return "track-search"
-        pairs = self.pairs
-        plain = len(pairs) == len(dict(pairs)) == len({after for _, after in pairs})
-        heads = {before for before, _ in pairs} - {after for _, after in pairs}
-        return "dynamic-programming" if plain and len(heads) == 2 else ""
+        heads = sum(
+            not came and bool(goes) for came, goes in zip(self.before, self.after, strict=True)
+        )
+        return "dynamic-programming" if heads == 2 and self.is_disjoint else ""
 
     @np.errstate(all="ignore")  # overflow yields inf or NaN, which is a violation
     def verify(self, plan: GuidedPathPlan, *, tolerance: float = TOLERANCE) -> Verification:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
@@ -13,9 +13,17 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..fields import Array, Spec, show
 
-__all__ = ["Chains", "chain_cover", "closure_of", "joined_chains", "sorted_customers"]
+__all__ = [
+    "Chains",
+    "chain_cover",
+    "closure_of",
+    "joined_chains",
+    "listed_pairs",
+    "sorted_customers",
+]
 
 Truths = NDArray[np.bool_]
+Lists = Sequence[Sequence[int]]
 
 
 @dataclass(frozen=True)
@@ -39,16 +47,14 @@ class Chains(Spec):
         return [list(chain) for chain in value]
 
 
-def sorted_customers(size: int, pairs: Iterable[tuple[int, int]]) -> tuple[int, ...]:
-    """Return customers 1 … size - 1 in a topological order of direct precedence pairs; ties by number.
+def sorted_customers(before: Lists, after: Lists) -> tuple[int, ...]:
+    """Return customers 1 … size - 1 in a topological order of direct predecessors and successors; ties by number.
 
     Raise :class:`InvalidData` with the cycle if the relation has one.
     """
-    pairs = list(pairs)
-    after, before = listed_pairs(size, pairs), listed_pairs(size, ((b, a) for a, b in pairs))
     missing = list(map(len, before))
     order: list[int] = []
-    ready = [c for c in range(1, size) if not missing[c]]
+    ready = [c for c in range(1, len(before)) if not missing[c]]
     while ready:
         order += ready
         free = []
@@ -58,7 +64,7 @@ def sorted_customers(size: int, pairs: Iterable[tuple[int, int]]) -> tuple[int, 
                 if not missing[other]:
                     free.append(other)
         ready = sorted(free)
-    if len(order) < size - 1:
+    if len(order) < len(before) - 1:
         try:  # the library takes four times as long, but names the cycle
             TopologicalSorter(dict(enumerate(before))).prepare()
         except CycleError as error:
@@ -70,24 +76,20 @@ def sorted_customers(size: int, pairs: Iterable[tuple[int, int]]) -> tuple[int, 
     return tuple(order)
 
 
-def listed_pairs(size: int, pairs: Iterable[tuple[int, int]]) -> list[list[int]]:
-    """Return the second entries of the pairs with each first entry, in the given order."""
-    lists: list[list[int]] = [[] for _ in range(size)]
-    for first, second in pairs:
-        lists[first].append(second)
-    return lists
+def listed_pairs(size: int, pairs: NDArray[np.int64]) -> list[list[int]]:
+    """Return the second entries of the pairs, shape (p, 2), with each first entry 0 … size - 1, ascending."""
+    first, second = pairs[np.lexsort(pairs.T[::-1])].T
+    parts = np.split(second, np.searchsorted(first, np.arange(1, size)))
+    return [part.tolist() for part in parts]
 
 
-def closure_of(size: int, pairs: Iterable[tuple[int, int]], order: Sequence[int]) -> Truths:
+def closure_of(after: Lists, order: Sequence[int]) -> Truths:
     """Return the transitive closure: True if i must precede j, directly or indirectly.
 
-    `order` is the result of :func:`sorted_customers` for the same pairs. Row and column 0, those of the start,
-    are False.
+    `after` contains the direct successors, and `order` is the result of :func:`sorted_customers`. Row and column 0,
+    those of the start, are False.
     """
-    after: list[list[int]] = [[] for _ in range(size)]
-    for entry, other in pairs:
-        after[entry].append(other)
-    closure = np.zeros((size, size), bool)
+    closure = np.zeros((len(after), len(after)), bool)
     for k in reversed(order):
         for other in after[k]:
             closure[k] |= closure[other]
@@ -95,18 +97,13 @@ def closure_of(size: int, pairs: Iterable[tuple[int, int]], order: Sequence[int]
     return closure
 
 
-def joined_chains(
-    size: int, pairs: Iterable[tuple[int, int]], order: Sequence[int]
-) -> tuple[tuple[int, ...], ...]:
+def joined_chains(before: Lists, order: Sequence[int]) -> tuple[tuple[int, ...], ...]:
     """Return chains that contain every customer once, by a greedy method.
 
     Each customer is appended to a chain that ends with one of its direct predecessors. If the
-    relation consists of disjoint chains, the result is these chains, which is the minimum. The arguments are
-    those of :func:`closure_of`.
+    relation consists of disjoint chains, the result is these chains, which is the minimum. The arguments are the
+    direct predecessors and the result of :func:`sorted_customers`.
     """
-    before: list[list[int]] = [[] for _ in range(size)]
-    for entry, other in pairs:
-        before[other].append(entry)
     ends: dict[int, list[int]] = {}
     chains: list[list[int]] = []
     for customer in order:

@@ -158,7 +158,7 @@ class SweepsFormulation(KeptFormulation):
             (row, p[sweep + 1, crossed], -sides[sweep]), (row, p[sweep, crossed], sides[sweep]),
             upper=free.ravel(), template="sweep {0}, customer {1}", index=index,
         )  # fmt: skip
-        pairs = np.array(kept.pairs, np.int64).reshape(-1, 2)
+        pairs = kept.links
         entry, other = pairs.T
         # True if the predecessor also comes first on the way of the sweep.
         same = sides[:, None] * (at[other] - at[entry]) >= 0

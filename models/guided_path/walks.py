@@ -110,10 +110,10 @@ def _reduced(
     if free and free[-1][0] > max(ends):
         relevant.add(min(c for there, c in free if there == free[-1][0]))
     numbers = (0, *sorted(relevant or {last}))
-    at = {c: k for k, c in enumerate(numbers)}
     stop_if(flag)
-    pairs = [(at[a], at[b]) for a in sorted(relevant) for b in sorted(after[a])]
-    relation = np.array(pairs, np.int64).reshape(-1, 2)
+    firsts = np.repeat(numbers, [len(after[c]) if c in relevant else 0 for c in numbers])
+    seconds = np.array([c for first in sorted(relevant) for c in after[first]], np.int64)
+    relation = np.searchsorted(numbers, np.column_stack([firsts, seconds]))
     return type(model)(model.coordinates[list(numbers)], precedence=relation), numbers
 
 

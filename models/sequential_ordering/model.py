@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...errors import InvalidData
 from ..fields import Array, Optional, declared
 from ..guided_path.orders import usable_arcs
-from ..guided_path.relation import closure_of, sorted_customers
+from ..guided_path.relation import closure_of, listed_pairs, sorted_customers
 from ..inputs import Field, FloatArray, Names, Numbers
 from ..labels import Ids
 from ..model import Model
@@ -126,21 +126,32 @@ class SequentialOrdering(Model[SequentialOrderingPlan]):
         return float(longest * (self.size + 1)) or 1.0
 
     @cached_property
+    def _inner(self) -> NDArray[np.int64]:
+        """Distinct pairs between inner nodes, sorted, shape (k, 2)."""
+        inner = (self.precedence[:, 0] > 0) & (self.precedence[:, 1] < self.size - 1)
+        pairs: NDArray[np.int64] = np.unique(self.precedence[inner], axis=0)
+        return pairs
+
+    @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """Distinct pairs between inner nodes, sorted."""
-        inner = (self.precedence[:, 0] > 0) & (self.precedence[:, 1] < self.size - 1)
-        return tuple(map(tuple, np.unique(self.precedence[inner], axis=0).tolist()))
+        return tuple(map(tuple, self._inner.tolist()))
 
     @cached_property
     def sorted_nodes(self) -> tuple[int, ...]:
         """Nodes in a topological order of the relation, from the first to the last node."""
-        return (0, *sorted_customers(self.size - 1, self.pairs), self.size - 1)
+        before, after = (
+            listed_pairs(self.size - 1, links) for links in (self._inner[:, ::-1], self._inner)
+        )
+        return (0, *sorted_customers(before, after), self.size - 1)
 
     @cached_property
     def closure(self) -> NDArray[np.bool_]:
         """Transitive closure: True if i must precede j, with the first and the last node, shape (n, n)."""
         closure = np.zeros((self.size, self.size), bool)
-        closure[:-1, :-1] = closure_of(self.size - 1, self.pairs, self.sorted_nodes[1:-1])
+        closure[:-1, :-1] = closure_of(
+            listed_pairs(self.size - 1, self._inner), self.sorted_nodes[1:-1]
+        )
         closure[0, 1:] = closure[:-1, -1] = True
         closure.flags.writeable = False
         return closure

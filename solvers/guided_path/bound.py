@@ -192,8 +192,8 @@ def needs_of(
         `flag` stopped it.
     """
     owner = {c: (k, place) for k, chain in enumerate(chains) for place, c in enumerate(chain)}
-    links = [(owner.get(a, (-1, 0))[0], owner.get(b, (-1, 0))[0]) for a, b in model.pairs]
-    if not plain and all(a == b >= 0 for a, b in links):
+    first, second = np.array([owner.get(c, (-1, 0))[0] for c in range(model.size)])[model.links.T]
+    if not plain and ((first == second) & (first >= 0)).all():
         return np.zeros((0, len(chains)), np.int32)
     if model.size * len(chains) > MOST_NEEDS:
         raise UnsupportedFormulation(

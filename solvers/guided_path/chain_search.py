@@ -10,13 +10,13 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
-from ...jit import OutOfTime, clock
+from ...jit import Kernel, OutOfTime, clock
 from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
@@ -60,7 +60,7 @@ def merged_starts(model: GuidedPathTour, request: Request) -> Iterator[list[int]
     first comes last.
     """
     parts = [_merged_walks(model, request), _heuristics(model, request)]
-    if merge_nearest.is_compiled and not merge_walks.is_compiled:
+    if cast(Kernel, merge_nearest).is_compiled and not cast(Kernel, merge_walks).is_compiled:
         parts.reverse()
     return itertools.chain(*parts)
 
@@ -200,7 +200,8 @@ def _orders(model: GuidedPathTour, request: Request) -> Iterator[tuple[tuple[int
     """Yield service orders, or () for no change, and the number of complete rounds, until a limit is reached."""
     flag = request.control.flag
     given = [] if request.warm_start is None else [request.warm_start.order]
-    best, least = (), math.inf
+    best: tuple[int, ...] = ()
+    least = math.inf
     starts = itertools.chain([model.sorted_customers], given, merged_starts(model, request))
     for stops in starts:
         order = served(model, stops)

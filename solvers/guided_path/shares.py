@@ -33,8 +33,6 @@ LONG = 1 << 29
 MOST, ENTRIES, ALL_ENTRIES = 6, 25_000_000, 45_000_000
 #: Maximum number of ascent steps; minimum number with the final groups; work limit of these steps.
 FIRST, LEAST, WORK = 400, 2, 3e8
-#: Work limit of the steps with the final groups if tours are improved between them.
-LONGER = 2e9
 #: Maximum number of shares times steps, with the small groups: sorting them takes about 10 s.
 SORTED = 1e8
 #: Maximum number of shares.
@@ -68,7 +66,7 @@ def shares_of(
         Stop flag, nonzero to stop.
     between : callable, optional
         Function ``(bound, work)`` called after each step with the mean bound so far, in units, and the number of
-        table entries compared. The ascent ends if it returns True, and is longer than without it.
+        table entries compared. The ascent ends if it returns True.
     """
     rows = [tables.at[tables.place[a:b]] for a, b in pairwise(tables.first)]
     alone = np.array([np.abs(np.diff(row)).sum() for row in rows])
@@ -86,7 +84,7 @@ def shares_of(
         merged = np.zeros((len(groups), tables.length.size))
         np.add.at(merged, owner, lengths)
         former, ascent = ascent.best, _Ascent(tables, groups, best, samples, flag, between)
-        steps = int(np.clip((WORK if between is None else LONGER) / ascent.work, LEAST, FIRST))
+        steps = int(np.clip(WORK / ascent.work, LEAST, FIRST))
         ascent.climb(merged, steps, AIM[1], PATIENCE[1])
         if ascent.best >= former:
             shares = ascent.shares()
