@@ -7,13 +7,15 @@
 The records of the campaign contain a short plan for some entries only. For each other entry the backend with the
 best verified plan of the campaign runs again, or the recommended backend if the campaign has no plan, for at most
 LIMIT seconds. An interrupted run continues with the jobs that the first file lacks. The second file is the input of
-the pages.
+the pages. A pattern such as ``sequential-ordering/*`` as the third argument records only these entries; the plans of the
+others remain.
 """
 
 from __future__ import annotations
 
 import json
 import sys
+from fnmatch import fnmatch
 from pathlib import Path
 
 from slim_records import slim
@@ -33,12 +35,14 @@ LIMIT = 10.0
 LONGEST = 40_000
 
 
-def main(raw: str, target: str) -> None:
+def main(raw: str, target: str, pattern: str = "*") -> None:
     """Run the backends, and write the answers with the content that the pages show."""
     known = records(ROOT / "docs" / "campaign" / "records.jsonl")
     installed = {state.name for state in backend_states() if state.state == "installed"}
     sets = []
     for entry in entries():
+        if not fnmatch(entry.name, pattern):
+            continue
         answer = best(known.get(entry.name, []))
         if answer is None and entry.name in known:
             continue  # Infeasible, or no backend has a plan.
@@ -55,6 +59,9 @@ def main(raw: str, target: str) -> None:
     for row in rows:
         del row["environment"]
         row.pop("incumbents", None)
+    if pattern != "*":
+        former = map(json.loads, Path(target).read_text("utf-8").splitlines())
+        rows += [row for row in former if not fnmatch(row["instance"], pattern)]
     rows.sort(key=lambda row: row["instance"])
     lines = [
         json.dumps(row, allow_nan=False, ensure_ascii=False, separators=(",", ":")) for row in rows
