@@ -49,8 +49,8 @@ problem = BlackBoxMinimisation(
 )
 
 # %%
-# The inequalities must hold exactly. The default search divides 200 evaluations between local quadratic models and a
-# Gaussian process of the objective and of each constraint.
+# The inequalities must hold exactly. The default search divides 200 evaluations between local quadratic models, an
+# evolution strategy and Gaussian processes of the objective and of each constraint.
 
 tuned = ct.solve(problem, seed=1)
 print(tuned.summary())

@@ -498,7 +498,7 @@ def test_the_portfolio_is_no_worse_than_its_searches_on_a_path():
 def test_the_portfolio_counts_the_evaluations_of_all_stages():
     """Each incumbent has the number of its evaluation in the whole run."""
     control = Control()
-    _, oracle = search("portfolio", box("sphere", *[(-1.0, 2.0)] * 3, budget=150), control=control)
+    _, oracle = search("portfolio", box("sphere", *[(-1.0, 2.0)] * 3, budget=300), control=control)
     values = (np.array(oracle.points) ** 2).sum(axis=1)
     places = []
     while not control.events.empty():

@@ -30,6 +30,7 @@ SLOW = {
         "plot_bases_and_backends.py",
         "plot_black_box.py",
         "plot_clearance.py",
+        "plot_gain_tuning.py",
         "plot_gripper.py",
         "plot_corridors.py",
         "plot_error_correction.py",
