@@ -157,7 +157,7 @@ def test_a_seed_gives_one_plan_of_a_rich_fleet() -> None:
     need("pyvrp")
     plans = [
         solved(large(), "pyvrp", seed=seed, backend_options={"patience": 5}).plan
-        for seed in (4, 4, 5)
+        for seed in (4, 4, 6)
     ]
     assert plans[0] == plans[1]
     assert plans[0] != plans[2]
