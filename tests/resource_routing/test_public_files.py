@@ -83,6 +83,14 @@ def test_windows_service_and_the_copy_of_the_origin(tmp_path):
     assert rows[2]["resource 0"] == 8
 
 
+@pytest.mark.parametrize("backend", [NAME, "highs"])
+def test_files_whose_lengths_are_not_negative_are_read(tmp_path, backend):
+    text = TEXT.replace("NODE_COST\n0 -1\n1 -5\nEND\n", "").format(directed=1, least=0)
+    found = ct.solve(read(tmp_path, text), backend)
+    assert found.termination == "optimal"
+    assert found.plan.route == (0, 1, 2, 3) and found.primal_bound == 1 + 2 + 3
+
+
 def test_edges_of_undirected_files_lead_both_ways(tmp_path):
     text = TEXT.replace("2 0 3\n1 0 8\n", "").format(directed=0, least=0)
     assert len(read(tmp_path, text).arcs) == 6
