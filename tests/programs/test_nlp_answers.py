@@ -283,3 +283,11 @@ def test_multipliers_are_estimated() -> None:
         assert isinstance(case.program, NonlinearProgram)
         found = estimated_duals(case.program, np.array(case.expectation.point))
         assert found == pytest.approx(np.array(case.expectation.duals), abs=1e-6), name
+
+
+@pytest.mark.parametrize("ordering", ["metis", "minimum-degree"])
+def test_an_equation_twice_is_solved_with_each_ordering(ordering):
+    """Check that a point which Ipopt accepts with diverged multipliers is not the answer."""
+    answer = asked("ipopt", CASES[TWICE].program, options={"ordering": ordering})
+    assert answer.termination is Termination.LOCALLY_OPTIMAL, answer.message
+    assert answer.primal_bound == pytest.approx(-2.0, rel=1e-7)
