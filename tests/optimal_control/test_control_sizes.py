@@ -43,10 +43,10 @@ def disc(length=1.0, time=1.0):
 
 
 def test_the_result_is_independent_of_the_weight_of_the_objective():
-    plain = ct.solve(wall())
+    plain = ct.solve(wall(), seed=0)
     assert plain.primal_bound == pytest.approx(4.0, rel=1e-7)
-    for weight in (1e-9, 1e-3, 1e5, 1e9):
-        found = ct.solve(wall(weight))
+    for weight in (1e-9, 1e9):
+        found = ct.solve(wall(weight), seed=0)
         assert found.termination == "locally_optimal"
         assert found.primal_bound / weight == pytest.approx(plain.primal_bound, rel=1e-9)
         assert found.statistics["iterations"] == plain.statistics["iterations"], weight
@@ -63,7 +63,7 @@ def test_the_result_is_independent_of_units(length, time):
 def test_sizes_without_bounds_follow_from_the_dynamics():
     values = []
     for length, time in ((1e3, 3600.0), (1e-3, 1e-3)):
-        found = ct.solve(disc(length, time), tolerance=1e-5)
+        found = ct.solve(disc(length, time), tolerance=1e-5, seed=0)
         assert found.termination == "locally_optimal", found.message
         values.append(found.primal_bound * time**3 / length**2)
     assert values == pytest.approx([values[0]] * 2, rel=1e-4)
@@ -74,7 +74,7 @@ def plain():
     return disc().formulate("gauss").sizes
 
 
-@settings(max_examples=40, deadline=None)  # declaring takes longer on a busy machine
+@settings(max_examples=20, deadline=None)  # declaring takes longer on a busy machine
 @given(st.floats(-6, 6), st.floats(-6, 6))
 def test_sizes_scale_with_the_units(plain, length, time):
     length, time = 10.0**length, 10.0**time

@@ -18,9 +18,9 @@ from crosstrack.solvers.run.running import Run
         ("linear-regulator", "gauss", None),  # smooth
         ("linear-regulator", "paper", None),
         ("double-integrator", "gauss", 2.0),  # bang-bang
-        ("double-integrator", "radau", 2.0),
         ("aly-chan", "gauss", 0.0),  # a singular arc
-        ("aly-chan", "radau", 0.0),
+        pytest.param("double-integrator", "radau", 2.0, marks=pytest.mark.slow),
+        pytest.param("aly-chan", "radau", 0.0, marks=pytest.mark.slow),
         ("bryson-denham", "radau", 4.0),  # a wall
         pytest.param("catalyst-mixing", "gauss", -0.0480556858, marks=pytest.mark.slow),
         pytest.param("goddard", "gauss", -1.0128369, marks=pytest.mark.slow),

@@ -11,6 +11,7 @@ import crosstrack as ct
 from crosstrack.models import OptimalControlProblem
 from crosstrack.models.optimal_control.hamiltonian import hamiltonian_spread
 
+SLOW = pytest.mark.slow
 QUICK = settings(
     max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
 )
@@ -105,7 +106,10 @@ def test_low_order_schemes_report_missing_costates(name):
     assert (plan.phases[0].costates is None) == (name in ("hermite-simpson", "trapezoid"))
 
 
-@pytest.mark.parametrize("name", ["gauss", "radau", "hermite-simpson", "trapezoid"])
+@pytest.mark.parametrize(
+    "name",
+    ["gauss", "trapezoid", *(pytest.param(n, marks=SLOW) for n in ("radau", "hermite-simpson"))],
+)
 @QUICK
 @given(problem=linear(), shift=st.floats(-50, 50), size=st.sampled_from([1e-3, 7.0, 1e4]))
 def test_optima_are_independent_of_clock_and_units(name, problem, shift, size):
@@ -122,7 +126,7 @@ def there_grid(plan):
     return plan.phases[0].grid(9)
 
 
-@pytest.mark.parametrize("name", ["gauss", "radau"])
+@pytest.mark.parametrize("name", ["radau", pytest.param("gauss", marks=SLOW)])
 @QUICK
 @given(problem=linear(), cut=st.floats(0.15, 0.85))
 def test_linked_phases_and_more_intervals_are_the_same_motion(name, problem, cut):

@@ -132,7 +132,9 @@ def test_phases_with_a_free_time_share_it():
     for name, values in data.items():
         part = scenario_plan(ocp, found.plan, name)
         assert ocp.given(**values).verify(part).ok
-        assert part.phases[0].end == found.plan.phases[0].end == part.phases[1].start
+        assert part.phases[0].end == found.plan.phases[0].end
+        # The link is an equation of the program.
+        assert part.phases[1].start == pytest.approx(part.phases[0].end, rel=1e-12)
 
 
 def test_data_of_scenarios_remain_data_and_files_keep_them():

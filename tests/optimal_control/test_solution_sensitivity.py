@@ -82,7 +82,13 @@ PROBLEMS = {
 }
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+#: A bound, a free time, parameters, a nonlinear motion and scenarios.
+FAST = {"touch", "move", "fit", "glide", "expectation"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[] if n in FAST else [pytest.mark.slow]) for n in PROBLEMS]
+)
 def test_derivatives_agree_with_differences_of_solutions(name):
     problem = PROBLEMS[name]()
     solution = ct.solve(problem, seed=0, isolate=False)
