@@ -243,9 +243,10 @@ class PreparedFlight:
             [spec.coerce(name, zero if x is None else x, {}) for name, x in given.items()]
         )
         at = self._nearest(state[0])
-        search = None if at is None else self._tail(state, at)
-        kept, returns = search is not None and self._keep(search, ROUNDS), False
+        search, kept, returns = None, False, False
         if at is not None:
+            search = self._tail(state, at)
+            kept = self._keep(search, ROUNDS)
             total = float(search.durations.sum()) if kept else np.inf
             if total > SLOW * (self._curve.times[-1] - at):
                 returns = self._returned(state, at, total)
@@ -332,6 +333,9 @@ class PreparedFlight:
             window = times[: count + 1]
             pieces = np.searchsorted(last.times, times[:-1], "right") - 1
             durations, owners = np.diff(times), self._owners[pieces]
+            begun = owners[1:count][np.diff(owners[:count]) > 0]
+            if np.isin(begun, self.course.stops[1:-1]).any():
+                continue  # the correction would move the curve away from a waypoint
             length = np.array([times[count] - at])
             correction = Trajectory(window[[0, -1]], powers_between(length, gap))
             jets = np.stack([last(times, i) for i in range(order)], axis=1)

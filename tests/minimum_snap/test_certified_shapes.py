@@ -59,6 +59,26 @@ def test_an_optimal_path_has_the_certified_shape(backend):
     assert "feasible" in outcomes
 
 
+@pytest.mark.parametrize("backend", ["clarabel", "proxqp"])
+def test_a_path_of_wild_durations_is_optimal_in_legendre(backend):
+    for seed in range(2):
+        found = ct.solve(wild_path(seed), backend, formulation="legendre")
+        assert found.termination == "optimal", found.message
+        assert found.statistics[DISTANCE] <= 1e-6
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_coefficients_in_legendre_have_the_size_of_waypoints(scale):
+    model = MinimumSnap([[0.0], [1.0], [3.0], [2.0]], scale * np.array([0.0, 1.0, 2.5, 4.0]))
+    formulation = model.formulate("legendre")
+    plan = ct.solve(model, "banded").plan
+    point = formulation.encode(plan)
+    assert 1.0 < np.abs(point).max() < 1e4
+    assert formulation.program.objective(point) == pytest.approx(model.objective(plan), rel=1e-9)
+    diagonal = formulation.program.hessian.diagonal()
+    assert len(set(diagonal[diagonal > 0.0])) == 1 and (scale == 1.0) == (diagonal.max() == 1.0)
+
+
 @pytest.mark.parametrize("formulation", ["hermite", "legendre"])
 def test_a_path_with_even_durations_stays_optimal(formulation):
     draw = np.random.default_rng(5)

@@ -24,6 +24,8 @@ Ints = NDArray[np.int64]
 
 #: Values of a basis function below this share of the sum of its terms' sizes are set to 0.
 NOUGHT = 16 * float(np.finfo(float).eps)
+#: Binary orders of magnitude of Legendre coefficients that need no unit of their own.
+BALANCED = 8
 
 
 @cache
@@ -113,7 +115,8 @@ class LegendreFormulation(UnitBasisFormulation):
     """1, s, …, s^(r-1) and r-fold integrals of Legendre polynomials: the Hessian is diag(0, 1).
 
     Interior-point solvers solve corridors of 1000 segments in this basis. With weights for lower
-    orders, only the part of order r is diagonal.
+    orders, only the part of order r is diagonal. If the shortest segment has an extreme duration, the
+    coefficients of order r have a unit for which its Hessian instead of 1 is a power of 4.
     """
 
     name = "legendre"
@@ -125,14 +128,22 @@ class LegendreFormulation(UnitBasisFormulation):
         return legendre_basis(self.model.order, self.model.degree)
 
     @cached_property
+    def unit(self) -> float:
+        """Unit of the coefficients of order r, a power of 2.
+
+        They grow like the shortest duration to the power 1/2 - r, and solvers with absolute tolerances fail
+        if they are far larger or smaller than the waypoints.
+        """
+        power = float((self.model.order - 0.5) * np.log2(self.model.durations.min()))
+        return 2.0 ** round(power) if abs(power) > BALANCED else 1.0
+
+    @cached_property
     def scales(self) -> Floats:
-        """Scales for which the nonzero diagonal entries of the Hessian are 1."""
+        """Scales for which the nonzero diagonal entries of the Hessian are 1, or 1 / unit²."""
         model = self.model
         scales = np.ones((model.segments, model.degree + 1))
-        weight = 2.0 * model.order_weights[-1]
-        scales[:, model.order :] = (model.durations ** (model.order - 0.5) / np.sqrt(weight))[
-            :, None
-        ]
+        size = self.unit * np.sqrt(2.0 * model.order_weights[-1])
+        scales[:, model.order :] = (model.durations ** (model.order - 0.5) / size)[:, None]
         return scales
 
     def gram(self) -> Floats:
@@ -142,5 +153,5 @@ class LegendreFormulation(UnitBasisFormulation):
         if np.count_nonzero(model.order_weights) == 1:
             total[:] = 0.0
             own = np.arange(model.order, model.degree + 1)
-            total[:, own, own] = 0.5
+            total[:, own, own] = 0.5 / self.unit**2
         return total
