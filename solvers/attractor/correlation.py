@@ -171,14 +171,10 @@ def fit_dimension(
         return Fit(None, message=NONE.format("there are no pairs within the least radius"))
     shares = counts.counts.sum(axis=0) / (counts.references * len(states))
     statistics: dict[str, Any] = {
-        "low": low,
-        "high": high,
-        "references": counts.references,
-        "share of pairs at low": float(shares[0]),
-        "share of pairs at high": float(shares[-1]),
-        "deviation of the fit": deviation,
-        "spread over regions": spread,
-    }
+        "low": low, "high": high, "references": counts.references,
+        "share of pairs at low": float(shares[0]), "share of pairs at high": float(shares[-1]),
+        "deviation of the fit": deviation, "spread over regions": spread,
+    }  # fmt: skip
     return Fit(Slope(Method.CORRELATION, value, deviation, low, high), statistics)
 
 

@@ -218,10 +218,7 @@ def ranks(
 def statistics(ranking: Ranks) -> dict[str, Any]:
     """Return the statistics of a test."""
     return {
-        "surrogates": ranking.count,
-        "samples compared": ranking.read,
-        "prediction error": ranking.error,
-        "median of the surrogates": ranking.median,
-        "deviations below": ranking.sigmas,
-        "jump at the seam": ranking.jump,
-    }
+        "surrogates": ranking.count, "samples compared": ranking.read,
+        "prediction error": ranking.error, "median of the surrogates": ranking.median,
+        "deviations below": ranking.sigmas, "jump at the seam": ranking.jump,
+    }  # fmt: skip

@@ -233,7 +233,7 @@ def _correct_by_curve(
 
 
 def name_unseen_load(problem: SideslipEstimation, deviation: Floats) -> str:
-    """Return where a larger mass than on the training drives would go unnoticed, or an empty text.
+    """Return the times at which a larger mass than on the training drives would go unnoticed, or an empty text.
 
     In a steady turn the error is constant, so that kinematics does not contradict it, and no deviation of the estimate (rad)
     includes it.

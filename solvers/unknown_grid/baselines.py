@@ -40,14 +40,9 @@ class _Nearest:
     """
 
     def __init__(
-        self,
-        problem: UnknownGridNavigation,
-        scenes: Ints,
-        request: Request,
-        patient: bool,
-        reachable: bool,
-        literal: bool,
-    ) -> None:
+        self, problem: UnknownGridNavigation, scenes: Ints, request: Request, patient: bool,
+        reachable: bool, literal: bool,
+    ) -> None:  # fmt: skip
         self._first = int(scenes[0])
         self._targets = problem.targets[scenes]
         self._rules = (patient, reachable, literal)

@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from ...models.unknown_grid.moving import FAR, descend, is_open
+from ...models.unknown_grid.moving import FAR, is_open
 
-__all__ = ["plan", "repair", "replan", "search"]
+__all__ = ["STUCK", "repair", "search"]
 
 Ints = NDArray[np.int64]
 Steps = NDArray[np.int32]
 Bytes = NDArray[np.uint8]
 Flag = NDArray[np.int8]
-Truths = NDArray[np.bool_]
 
 #: Action of :func:`descend` if no path exists.
 STUCK = -1
@@ -179,21 +178,9 @@ def foresee(
 
 @kernel
 def repair(
-    walls: Bytes,
-    width: int,
-    start: int,
-    target: int,
-    changed: Ints,
-    g: Steps,
-    rhs: Steps,
-    heap: Ints,
-    where: Steps,
-    keys: Ints,
-    tally: Ints,
-    flag: Flag,
-    moves: Ints,
-    sides: int,
-) -> bool:
+    walls: Bytes, width: int, start: int, target: int, changed: Steps, g: Steps, rhs: Steps,
+    heap: Ints, where: Steps, keys: Ints, tally: Ints, flag: Flag, moves: Ints, sides: int,
+) -> bool:  # fmt: skip
     """Update `g` on all shortest paths from the start by D* Lite; return False if `flag` stopped the search.
 
     `walls` is the current map, and `start` the cell of the vehicle. `changed` are the cells blocked or
@@ -251,113 +238,3 @@ def repair(
             key = key_of(near, width, start, g, rhs, tally, diagonal)
             place(near, key, g[near] != rhs[near], heap, where, keys, tally)
     return True
-
-
-@kernel
-def notice(
-    walls: Bytes, sure: Bytes, width: int, expected: int, cell: int, corner: Ints,
-    obstacles: Truths, changed: Ints,
-) -> int:  # fmt: skip
-    """Update a map with an observation and a possible collision; return the number of `changed` cells.
-
-    `expected` is the cell of the vehicle if its last step caused no collision, and `cell` its cell. No view
-    changes cells that are `sure`. `corner` is the row and column of the first of the `obstacles` of the view.
-    """
-    before, here = walls[expected], walls[cell]
-    # The order matters: without a collision, both are the same cell, which is free.
-    walls[expected] = 1
-    walls[cell] = 0
-    sure[expected] = sure[cell] = 1
-    count = 0
-    if walls[expected] != before:
-        changed[count] = expected
-        count += 1
-    if here != 0:
-        changed[count] = cell
-        count += 1
-    rows = walls.size // width
-    for i in range(obstacles.shape[0]):
-        row = corner[0] + 1 + i
-        if row < 0 or row >= rows:
-            continue
-        for j in range(obstacles.shape[1]):
-            column = corner[1] + 1 + j
-            if column < 0 or column >= width:
-                continue
-            at = row * width + column
-            if sure[at] == 0 and (walls[at] != 0) != obstacles[i, j]:
-                walls[at] = 1 - walls[at]
-                changed[count] = at
-                count += 1
-    return count
-
-
-@kernel
-def doubt(walls: Bytes, sure: Bytes, changed: Ints) -> int:
-    """Free all obstacles known only from images; return the number of `changed` cells."""
-    count = 0
-    for cell in range(walls.size):
-        if walls[cell] != 0 and sure[cell] == 0:
-            walls[cell] = 0
-            changed[count] = cell
-            count += 1
-    return count
-
-
-@kernel(interpretable=True, in_place=True)
-def plan(
-    rows: Ints, cells: Ints, corners: Ints, obstacles: Truths, width: int, ends: Ints,
-    doubts: bool, walls: Bytes, sure: Bytes, expected: Ints, changed: Ints, actions: Ints, flag: Flag,
-) -> None:  # fmt: skip
-    """Compute the `actions` of several scenes by A* on their known maps, :data:`STUCK` without a path.
-
-    `rows` are the indices of the scenes in `ends`, `walls`, `sure` and `expected`. `cells`, `corners` and
-    `obstacles` are their observations. If `doubts`, obstacles from images are discarded if they leave no path.
-    """
-    moves = np.array((-width, width, -1, 1))
-    for index in range(len(rows)):
-        row, cell = rows[index], cells[index]
-        known, certain, target = walls[row], sure[row], ends[row, 1]
-        notice(
-            known, certain, width, expected[row], cell, corners[index], obstacles[index], changed
-        )
-        steps = search(known, width, cell, target, flag)
-        action = descend(known, width, moves, 0, steps, cell)
-        if action == STUCK and doubts:
-            doubt(known, certain, changed)
-            steps = search(known, width, cell, target, flag)
-            action = descend(known, width, moves, 0, steps, cell)
-        actions[index] = action
-        if action != STUCK:
-            expected[row] = cell + moves[action]
-
-
-@kernel
-def replan(
-    rows: Ints, cells: Ints, corners: Ints, obstacles: Truths, width: int, ends: Ints, doubts: bool,
-    walls: Bytes, sure: Bytes, expected: Ints, changed: Ints, actions: Ints, flag: Flag,
-    g: Steps, rhs: Steps, heap: Ints, where: Steps, keys: Ints, tally: Ints,
-) -> None:  # fmt: skip
-    """Compute the `actions` of several scenes by D* Lite; see :func:`plan` and :func:`repair`."""
-    moves = np.array((-width, width, -1, 1))
-    for index in range(len(rows)):
-        row, cell = rows[index], cells[index]
-        known, certain, target = walls[row], sure[row], ends[row, 1]
-        count = notice(
-            known, certain, width, expected[row], cell, corners[index], obstacles[index], changed
-        )
-        if rhs[row, target] == FAR:  # the first search
-            changed[count] = target
-            count += 1
-        action = STUCK
-        for attempt in range(2):
-            if attempt == 1:
-                count = doubt(known, certain, changed)
-            repair(known, width, cell, target, changed[:count], g[row], rhs[row], heap[row],
-                   where[row], keys[row], tally[row], flag, moves, 0)  # fmt: skip
-            action = descend(known, width, moves, 0, g[row], cell)
-            if action != STUCK or not doubts:
-                break
-        actions[index] = action
-        if action != STUCK:
-            expected[row] = cell + moves[action]

@@ -32,12 +32,8 @@ if TYPE_CHECKING:
     import torch
 
 __all__ = [
-    "EPISODES",
-    "IMITATION",
-    "Episodes",
-    "ImitationTrainer",
-    "lead",
-]
+    "EPISODES", "IMITATION", "Episodes", "ImitationTrainer", "lead",
+]  # fmt: skip
 
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]

@@ -26,7 +26,7 @@ Ints = NDArray[np.int64]
 NO_WAY, GIVE_UP = -1, -2
 _ENDS = {NO_WAY: Outcome.NO_WAY, GIVE_UP: Outcome.GAVE_UP}
 
-#: Largest number of scenes per batch, and of cells of their maps. A cell takes up to 32 bytes.
+#: Largest number of scenes per batch, and of cells of their maps. A cell takes up to 46 bytes.
 MOST_TOGETHER, _MOST_CELLS = 2**20, 2**22
 
 #: Options of all policies for models with a camera.
@@ -113,14 +113,9 @@ class NavigationBackend(Backend):
         if problem.camera is not None:
             statistics["ms an image"] = 1e3 * run.perceiving / max(run.images, 1)
         return Answer(
-            Termination.FEASIBLE,
-            request.control.limit or limit,
-            plan,
-            None,
-            seconds=seconds,
-            statistics=statistics,
-            message=message,
-        )
+            Termination.FEASIBLE, request.control.limit or limit, plan, None, seconds=seconds,
+            statistics=statistics, message=message,
+        )  # fmt: skip
 
 
 class _Run:

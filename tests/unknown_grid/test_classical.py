@@ -25,7 +25,12 @@ from crosstrack.models.unknown_grid.plan import ACTIONS, STEPS
 from crosstrack.models.unknown_grid.world import BLOCKED, FREE, GOING, LOOK, REACHED, Looks
 from crosstrack.solvers.contract.backend import Backend, Limit, Request
 from crosstrack.solvers.contract.control import Control
-from crosstrack.solvers.unknown_grid import baselines, dstar_kernels, replanning
+from crosstrack.solvers.unknown_grid import (
+    baselines,
+    dstar_kernels,
+    replanning,
+    replanning_kernels,
+)
 from crosstrack.solvers.unknown_grid.baselines import (
     BaselineOne,
     BaselineOneReachable,
@@ -355,7 +360,7 @@ def test_a_stopped_search_claims_nothing() -> None:
 def test_interpreted_kernels_are_the_compiled_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     names = ("maze", "thin-clutter", "clutter-no-way")
     plans = [[lead(one(), WILD[name]()) for one in EVERY] for name in names]
-    for module in (dstar_kernels, replanning, baselines):
+    for module in (dstar_kernels, replanning_kernels, replanning, baselines):
         for name, loop in list(vars(module).items()):
             if isinstance(loop, Kernel):
                 monkeypatch.setattr(module, name, loop.py_func)

@@ -58,7 +58,7 @@ class Timed:
         begin = time.perf_counter()
         action = self.policy.decide(looks)
         self.spent.append(time.perf_counter() - begin)
-        if type(self.policy) is Replanning:
+        if isinstance(self.policy, Replanning) and not self.policy.repairs:
             known, flag = self.policy, np.zeros(1, np.int8)
             goals, target = known.cells(looks.positions), int(known.ends[0, 1])
             begin = time.perf_counter()
