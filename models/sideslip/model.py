@@ -130,6 +130,7 @@ class SideslipEstimation(Model[SideslipEstimate]):
             count_rows("truth", len(self.truth), "", {"": (len(self.recording), "recording")})
 
     @property
+    @np.errstate(over="ignore", invalid="ignore")  # noises of any size are allowed
     def preferred_backend(self) -> str:
         """``unscented-filter`` if kinematics contradicts linear tyres, else ``smoother-grnn`` if there are training drives.
 

@@ -71,11 +71,13 @@ def noise_level(states: Floats, theiler: int) -> float:
     which, squares, _ = nearest_states(ordered, times, places[rows], theiler, NEAREST, False)
     complete = which[:, -1] >= 0
     squares, deviation = squares[complete], float(states[:, -1].std())
-    if not complete.any() or not np.ptp(squares.mean(axis=0)) > 0 or not deviation > 0:
+    means = squares.mean(axis=0) if complete.any() else np.zeros(NEAREST)
+    # Rounded values have equal distances.
+    if not np.ptp(means) > 1e-6 * means[-1] or not deviation > 0:
         return 0.0
     apart = futures[which[complete]] - futures[rows[complete], None]
     variances = (ROBUST * np.median(np.abs(apart), axis=0)) ** 2 / 2
-    at_zero = float(np.polyfit(squares.mean(axis=0), variances, 1)[1])
+    at_zero = float(np.polyfit(means, variances, 1)[1])
     nearest = math.exp(float(np.log(squares[:, 0]).mean())) / (2 * states.shape[1])
     return math.sqrt(max(min(at_zero, nearest), 0.0)) / deviation
 
