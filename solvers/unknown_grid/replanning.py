@@ -16,7 +16,7 @@ IEEE Transactions on Systems Science and Cybernetics 4, 1968; D* Lite that of :m
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +71,7 @@ class Replanning:
         limit = _LIMIT if images or moving else np.inf
         certain = _LIMIT if moving else np.inf
         rules = np.array([repairs, moving, uncertain, images, -1 if forget is None else forget])
-        self._setting = (
+        self._setting: tuple[Any, ...] = (
             self.width, moves, list(Corners).index(problem.corners), rules,
             np.array([*odds, limit, certain]),
         )  # fmt: skip
@@ -88,11 +88,11 @@ class Replanning:
         tally[:, LAST] = tally[:, EXPECTED] = self.ends[:, 0]
         tally[:, GOAL] = self.ends[:, 1] if problem.target_known else -1
         tally[:, ACTION] = WAITS
-        self._memory = (
+        self._memory: tuple[Any, ...] = (
             evidence, self.walls, np.full(shape, -1, np.int32), np.empty(shape, np.int32),
             np.zeros(shape, np.uint8), tally,
         )  # fmt: skip
-        self._search = (
+        self._search: tuple[Any, ...] = (
             np.full(kept, FAR, np.int32), np.full(kept, FAR, np.int32), np.empty(kept, np.int64),
             np.zeros(kept, np.int32), np.empty(kept, np.int64),
         )  # fmt: skip
