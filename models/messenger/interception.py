@@ -52,18 +52,10 @@ EXACT = 1e-11
 
 
 class Chase(NamedTuple):
-    """Position (m) and velocity (m/s) of the point, ahead and to the left of the UAV at its start.
+    """Point at (u, v) with velocity (du, dv), ahead and to the left of the UAV at its start, in m and m/s.
 
-    Attributes
-    ----------
-    u, v, du, dv : float
-        Position of the point at the start, and its velocity.
-    speed, r : float
-        Speed (m/s) and turning radius (m) of the UAV.
-    phi, sin, lift : float
-        Heading at the end, its sine, and 1 minus its cosine.
-    slack : float
-        Rounding error of the coordinates, in m.
+    The UAV has `speed` (m/s) and turning radius `r` (m). `phi` is the heading at the end, `sin` its sine, `lift` 1
+    minus its cosine, and `slack` the rounding error of the coordinates (m).
     """
 
     u: float

@@ -85,26 +85,16 @@ class Layout(NamedTuple):
 def equations(
     x: Any, layout: Layout, signs: Sequence[float], data: dict[str, Any]
 ) -> dict[str, Any]:
-    """Return the objective and the rows as expressions of the columns.
+    """Return the objective and the rows as expressions of the columns `x`, a casadi.SX.
 
-    Parameters
-    ----------
-    x, layout, signs
-        The columns, as casadi.SX, the positions of their blocks, and the sign of every primitive's
-        curvature.
-    data : dict
-        ``"place"`` (n, 2), P_i in the order of encounters relative to the
-        start, in m; ``"drift"`` (n, 2), c_i; ``"home"`` (2,), that of the home; ``"radius"``, the turning radius in m; ``"winding"``,
-        the number of full circles of a closed tour; ``"blunt"``, the rounding of the tip of the
-        cone of a leg without turns, in m.
+    `signs` are those of the curvature of every primitive. `data` has ``"place"`` (n, 2), P_i in the order of
+    encounters relative to the start, in m; ``"drift"`` (n, 2), c_i; ``"home"`` (2,), that of the home; ``"radius"``,
+    the turning radius in m; ``"winding"``, the number of full circles of a closed tour; ``"blunt"``, the rounding
+    of the tip of the cone of a leg without turns, in m.
 
-    Returns
-    -------
-    dict
-        ``"length"``, the objective, and lists of rows: ``"motion"``, two per leg, in m, equal to 0;
-        ``"turn"``, one per leg, in rad, equal to 0; with a turning radius of 0 instead
-        ``"straight"``, one per leg, in m, at most 0; ``"flown"``, one per vehicle, in m, equal to
-        0; ``"apart"``, the squared offset of each vehicle, in m².
+    The result has ``"length"``, the objective, and lists of rows: ``"motion"``, two per leg, in m, equal to 0;
+    ``"turn"``, one per leg, in rad, equal to 0; with a turning radius of 0 instead ``"straight"``, one per leg, in m,
+    at most 0; ``"flown"``, one per vehicle, in m, equal to 0; ``"apart"``, the squared offset of each vehicle, in m².
     """
     import casadi as ca
 

@@ -49,24 +49,13 @@ SWEEPS = 6
 class Data(NamedTuple):
     """Field and curvature limit, in the field's unit.
 
+    `centres` (n + 1, 2), `velocities` (n + 1, 2) and `radii` (n + 1,) are P, W and r of the field, and `gaps` (n + 1,
+    n + 1) the least lengths of legs between stops. `r` is the turning radius, 0 to ignore the curvature limit. If
+    `headed`, the heading at the start is `heading` (rad).
+
     The kernels also receive `stops`, shape (L + 1,): start, stops and end of a path, which are one
     stop at one point if the path starts and ends at the same vehicle; and `directions`, shape
     (L, 2): d_k, where vectors longer than 1 are normalised.
-
-    Attributes
-    ----------
-    centres, velocities : ndarray, shape (n + 1, 2)
-        P and W of the field.
-    radii : ndarray, shape (n + 1,)
-        r of the field.
-    gaps : ndarray, shape (n + 1, n + 1)
-        Least lengths of legs between stops.
-    r : float
-        Turning radius; 0 to ignore the curvature limit.
-    headed : bool
-        Whether the heading at the start is fixed.
-    heading : float
-        That heading, in rad.
     """
 
     centres: Floats

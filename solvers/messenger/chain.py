@@ -60,16 +60,9 @@ NEAR = 1e-9
 class Scene(NamedTuple):
     """Data of the kernels that a search does not change.
 
-    Attributes
-    ----------
-    nodes : ndarray, shape (n + 1, 5)
-        Centre at time 0 (m), velocity (m/s) and radius (m) of each node.
-    freedom : ndarray of int64, shape (n + 1,)
-        Free parts of the pose of each node.
-    closed : bool
-        Whether the path returns to its first pose.
-    speed, r : float
-        Speed (m/s) and turning radius (m) of the UAV.
+    `nodes` (n + 1, 5) is centre at time 0 (m), velocity (m/s) and radius (m) of each node, and `freedom` (n + 1,) the
+    free parts of its pose. A `closed` path returns to its first pose. The UAV has `speed` (m/s) and turning radius
+    `r` (m).
     """
 
     nodes: Floats
@@ -80,18 +73,10 @@ class Scene(NamedTuple):
 
 
 class Stops(NamedTuple):
-    """Tour: the nodes at which it stops, and the pose of each node.
+    """Tour: `order` (n + 1,), the nodes at which it stops, and `times` (n + 1,), the time of each stop (s).
 
-    Kernels receive the number of stops separately, as `count`.
-
-    Attributes
-    ----------
-    order : ndarray of int64, shape (n + 1,)
-        Nodes in the order of the tour.
-    times : ndarray, shape (n + 1,)
-        Time of each stop, in that order (s).
-    poses : ndarray, shape (n + 1, 3)
-        Offset (m) and heading (rad) of each node.
+    `poses` (n + 1, 3) is offset (m) and heading (rad) of each node. Kernels receive the number of stops separately,
+    as `count`.
     """
 
     order: Ints

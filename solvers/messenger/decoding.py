@@ -69,18 +69,9 @@ _SECOND = (0.0, 0.0, -1.0, 1.0)
 class Task(NamedTuple):
     """Problem as arrays, and scratch poses.
 
-    Attributes
-    ----------
-    fleet : ndarray, shape (n, 5)
-        Position (m), velocity (m/s) and radius (m) of each vehicle.
-    poses : ndarray, shape (n + 1, 4)
-        x, y (m), heading (rad) and time (s) at the start and after each leg.
-    speed, r : float
-        Speed (m/s) and turning radius (m) of the UAV.
-    margin : float
-        A leg may be too short by this length (m; paper: ε).
-    flag : ndarray of int8, shape (1,)
-        Stop flag.
+    `fleet` (n, 5) is position (m), velocity (m/s) and radius (m) of each vehicle; `poses` (n + 1, 4) is x, y (m),
+    heading (rad) and time (s) at the start and after each leg. The UAV has `speed` (m/s) and turning radius `r`
+    (m). A leg may be too short by `margin` (m; paper: ε). `flag` (1,) is the stop flag.
     """
 
     fleet: Floats

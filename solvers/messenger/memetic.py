@@ -33,20 +33,9 @@ DELTA = 1e-4
 class Rules(NamedTuple):
     """Parameters of the algorithm.
 
-    Attributes
-    ----------
-    timed : bool
-        Whether intervals are genes. If False, each vehicle is met in the shortest time (MAR).
-    transformed : bool
-        Whether to apply Algorithm 4.
-    mutation : float
-        Probability of a mutation (paper: p_m).
-    period : int
-        Generations between local searches (paper: T_lp).
-    step : float
-        Step size of GS (paper: ρ_l).
-    samples : int
-        Number of angles of SS (paper: N_s); 0 disables SS.
+    `timed`: intervals are genes; otherwise each vehicle is met in the shortest time (MAR). `transformed`: apply
+    Algorithm 4. `mutation`: probability of a mutation (paper: p_m). `period`: generations between local searches
+    (paper: T_lp). `step`: step size of GS (paper: ρ_l). `samples`: angles of SS (paper: N_s); 0 disables SS.
     """
 
     timed: bool

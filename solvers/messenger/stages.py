@@ -33,19 +33,10 @@ STIFF = 1e8
 class Legs(NamedTuple):
     """Data of a tour with k legs and n vehicles, in the unit of a leg's typical length.
 
-    Attributes
-    ----------
-    bend : ndarray, shape (k, 3)
-        Signed curvature of each primitive.
-    place, drift : ndarray, shape (n, 2), (k, 2)
-        Position of vehicle j after a flight of length s: ``place[j] + drift[j] s``. A leg after the
-        last vehicle leads back to the start, which moves by ``drift[n] s``.
-    radius : ndarray, shape (n,)
-        Largest distance at each encounter, at least 0.
-    turn : float
-        Total turning angle of a closed tour, in rad.
-    free : ndarray, shape (3,)
-        1 if the x, y or heading of the start is free, otherwise 0.
+    `bend` (k, 3) is the signed curvature of each primitive. Vehicle j is at ``place[j] + drift[j] s`` after a flight
+    of length s; `place` is (n, 2) and `drift` (k, 2). A leg after the last vehicle leads back to the start, which
+    moves by ``drift[n] s``. `radius` (n,) is the largest distance at each encounter, `turn` the total turning angle
+    of a closed tour (rad), and `free` (3,) is 1 for a free x, y or heading of the start, otherwise 0.
     """
 
     bend: Floats
