@@ -77,7 +77,7 @@ def prove_poses(
 
 
 class _Order:
-    """Layers of cells for one order of the vehicles outside of which the path begins."""
+    """Layers of cells for one order of the vehicles that are not met at the start."""
 
     def __init__(
         self, problem: MessengerTour, order: tuple[int, ...], best: float, limit: float
