@@ -50,11 +50,10 @@ ANGLE = 0.1
 
 
 class Layout(NamedTuple):
-    """Positions of the blocks of columns in the column vector.
+    """Positions of the blocks of columns.
 
-    `counts` are the numbers of primitives of the legs, 1 each if the turning radius is 0. A closed
-    tour over `vehicles` has one more leg, which leads back. `turning` states whether the turning
-    radius is positive.
+    `counts` are the numbers of primitives of the legs, 1 each without `turning`, i.e. with a turning radius of 0. A
+    closed tour over `vehicles` has one more leg, which leads back.
     """
 
     counts: tuple[int, ...]
@@ -170,10 +169,7 @@ def tour(
 def words_of(model: MessengerTour, plan: TourPlan) -> tuple[str, ...]:
     """Return the turns of each leg of `plan`; with a turning radius of 0, one line per leg.
 
-    Raises
-    ------
-    InvalidData
-        The leg number of a primitive is out of range.
+    :class:`~crosstrack.errors.InvalidData` is raised if the leg number of a primitive is out of range.
     """
     words = [""] * (model.size + model.closed)
     for row, primitive in enumerate(plan.primitives):
@@ -189,10 +185,7 @@ def words_of(model: MessengerTour, plan: TourPlan) -> tuple[str, ...]:
 def match_primitives(words: Sequence[str], targets: Sequence[str]) -> list[int]:
     """Return the index of each letter of the `words` of the legs among those of their `targets`.
 
-    Raises
-    ------
-    InvalidData
-        A word is not a subsequence of its target.
+    :class:`~crosstrack.errors.InvalidData` is raised if a word is not a subsequence of its target.
     """
     indices: list[int] = []
     first = 0

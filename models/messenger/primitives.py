@@ -289,25 +289,10 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
         return self._changed(order=plan.order, words=words_of(self.model, plan), near=plan)
 
     def encode(self, plan: TourPlan) -> Floats:
-        """Return the columns of `plan`.
+        """Return the columns of `plan`, shape (n,); letters that a leg of the plan lacks have length 0.
 
-        Letters that a leg of the plan lacks have length 0.
-
-        Parameters
-        ----------
-        plan : TourPlan
-            Plan with the order of the formulation. The turns of each leg must be a subsequence of
-            its word.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The columns.
-
-        Raises
-        ------
-        InvalidData
-            The order differs, or the turns of a leg do not fit into its word.
+        The order must be that of the formulation, and the turns of each leg a subsequence of its word. Otherwise
+        :class:`~crosstrack.errors.InvalidData` is raised.
         """
         layout, model = self.layout, self.model
         if plan.order != self.guess.order:
@@ -344,9 +329,8 @@ class PrimitivesFormulation(Formulation[MessengerTour, TourPlan]):
     def decode(self, point: Floats) -> TourPlan:
         """Return the tour with the lengths of `point`, flown from the start.
 
-        Rows hold only up to the tolerance of a solver, and their residuals add up along the tour.
-        If the tour is not feasible up to rounding, the nearest columns that satisfy the rows are
-        used.
+        Residuals of rows add up along the tour. If it is not feasible up to rounding, the nearest columns that satisfy
+        the rows are used.
         """
         point = np.asarray(point, float)
         plan = self._tour(point, SPARE)

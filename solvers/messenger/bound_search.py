@@ -46,10 +46,9 @@ class Ordered(NamedTuple):
 
 
 class Guide(NamedTuple):
-    """Poses suggested by the dual solution of an order's bound.
+    """Poses suggested by the dual solution of the `bound` (m) of an order.
 
-    `bound` (m) is a lower bound on every flight in this order. `offsets`, shape (k, 2), in m, and
-    `headings`, shape (k,), in rad, are the poses of the UAV relative to the vehicles.
+    `offsets` (k, 2), in m, and `headings` (k,), in rad, are those of the UAV relative to the vehicles.
     """
 
     bound: float
@@ -71,17 +70,9 @@ class _Node:
 class OrderSearch:
     """Branch and bound over orders, which can be stopped and inspected between two steps.
 
-    Orders whose bound reaches the length `cutoff` (m) are discarded. `curved` bounds use the limit on
-    curvature, and their complete orders yield no tours.
-
-    Attributes
-    ----------
-    tours : dict of tuple to Ordered
-        Tours found, by order; empty if `curved`.
-    orders : list of tuple
-        If `curved`, the complete orders found: bound (m) and order.
-    made, expanded : int
-        Number of nodes created, and of nodes expanded.
+    Orders whose bound reaches the length `cutoff` (m) are discarded. `tours` are those found, by order. `curved` bounds
+    use the limit on curvature and yield no tours, but `orders`, the complete ones with their bounds (m). `made` and
+    `expanded` are numbers of nodes.
     """
 
     def __init__(

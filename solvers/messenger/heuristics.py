@@ -219,12 +219,11 @@ def _soonest(k: int, i: int, t: float, task: Task) -> float:
 def search_samples(
     order: Ints, genes: Floats, task: Task, samples: int, step: float, ceiling: float
 ) -> float:
-    """Fill `genes` with the best samples for `order`; return the end of the tour (s).
+    """Fill `genes` with the best samples for `order`; return the end of the tour (s), inf if not before `ceiling`.
 
-    Depth-first search: each level is an encounter. Its nodes are the times in multiples of `step`
-    (s) and the `samples` angles of the boundary that the UAV can reach exactly at these times. A
-    node is pruned if a straight flight from it cannot end before the best tour so far. The result
-    is inf if no tour ends before `ceiling` (s), and the best tour so far if the stop flag is set.
+    Each level of the depth-first search is an encounter, at a time in multiples of `step` (s) and one of the `samples`
+    angles that the UAV can reach exactly then. A node is pruned if a straight flight cannot end sooner than the best
+    tour. If the stop flag is set, the result is the best tour so far.
     """
     n = len(order)
     trial, best = genes.copy(), math.inf

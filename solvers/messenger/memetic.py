@@ -118,10 +118,9 @@ def _catches_up(k: int, i: int, genes: Floats, task: Task) -> bool:
 
 @kernel
 def transform(order: Ints, genes: Floats, task: Task) -> int:
-    """Reset the interval before each vehicle that is caught up with; return the number of changes.
+    """Reset the interval before each vehicle that is caught up with (paper: Algorithm 4); return the changes.
 
-    The transformation procedure of the paper (Algorithm 4). It updates the genes of a decoded
-    individual, and the poses up to the second-to-last vehicle.
+    It updates the genes of a decoded individual, and the poses up to the second-to-last vehicle.
     """
     changed = 0
     for k in range(len(order) - 1):
@@ -149,9 +148,8 @@ def settle(order: Ints, genes: Floats, task: Task, rules: Rules) -> float:
 def descend(i: int, order: Ints, genes: Floats, cost: float, task: Task, rules: Rules) -> float:
     """GS: move the angle of vehicle `i` against the gradient while the tour gets shorter; return f.
 
-    Equation 11 prints the negative gradient, which eq. 12 subtracts, so the printed step ascends.
-    This implementation descends. It takes at most 2 π / ρ_l steps (paper: section IV-H). `cost` is
-    f of the individual.
+    Equation 12 subtracts the negative gradient of eq. 11, so the printed step ascends; this one descends. It takes at
+    most 2 π / ρ_l steps (paper: section IV-H).
     """
     trial = genes.copy()
     for _ in range(int(2.0 * math.pi / rules.step)):
@@ -171,10 +169,7 @@ def descend(i: int, order: Ints, genes: Floats, cost: float, task: Task, rules: 
 
 @kernel
 def resample(k: int, order: Ints, genes: Floats, cost: float, task: Task, rules: Rules) -> float:
-    """SS: try equally spaced angles for the k-th vehicle of the order and keep the best; return f.
-
-    Its interval is then given by Algorithm 1. `cost` is f of the individual.
-    """
+    """SS: try equally spaced angles for the k-th vehicle, with the interval of Algorithm 1; return f."""
     i = order[k]
     start, trial = genes.copy(), genes.copy()
     for m in range(rules.samples):
@@ -216,8 +211,7 @@ def evolve(
 ) -> int:
     """Create generation `number`, or the first population (0); return the index of the best individual.
 
-    `orders` (p, n), `genes` (p, n, 2) and `costs` (p,) are the p individuals and their evaluations f
-    (m); they are updated.
+    `orders` (p, n), `genes` (p, n, 2) and the evaluations `costs` (p,), f in m, are updated.
     """
     if number == 0:
         _populate(orders, genes, costs, task, rules, rng)

@@ -90,8 +90,7 @@ def time_order(
 ) -> float:
     """Fill in the encounters from `begin` (at least 1) to before `end`; return the last time.
 
-    The time includes the straight flight back of a complete closed tour. It is inf if an encounter is later than
-    `ceiling`.
+    It includes the straight flight back of a complete closed tour, and is inf above `ceiling`.
     """
     n = len(order)
     for k in range(begin, end):

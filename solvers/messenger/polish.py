@@ -91,10 +91,7 @@ def polish(problem: MessengerTour, plan: TourPlan, request: Request) -> TourPlan
 
 
 def _extend_words(problem: MessengerTour, plan: TourPlan) -> Floats | None:
-    """Return signs of three primitives per leg that can fly `plan`, shape (k, 3), or None.
-
-    Shorter words are extended so that a turn may continue beyond the encounter.
-    """
+    """Return signs of three primitives per leg, with turns that may continue after it, (k, 3), or None."""
     words: list[list[float]] = [[] for _ in range(problem.size + problem.closed)]
     for primitive in plan.primitives:
         if primitive.length > 0.0 and (

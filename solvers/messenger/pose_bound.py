@@ -60,7 +60,9 @@ def prove_poses(
     assert problem.start is not None
     apart = np.hypot(*(problem.positions - problem.start[:2]).T)
     far = np.flatnonzero(apart > problem.radius)
-    limit = best * (1.0 - gap)
+    slack = ROUNDING * (best + float(apart.max()) + problem.turning_radius)
+    # The bound remains within the gap if the rounding error is subtracted.
+    limit = min(best * (1.0 - gap) + 2.0 * slack, best)
     heap = [
         (0.0, number, _Order(problem, order, best, limit))
         for number, order in enumerate(itertools.permutations(far.tolist()))
@@ -72,7 +74,6 @@ def prove_poses(
             break
         heapq.heapreplace(heap, (max(bound, order.refine()), number, order))
     bound = min(heap[0][0], limit) if far.size else 0.0
-    slack = ROUNDING * (best + float(apart.max()) + problem.turning_radius)
     return max(bound - slack, 0.0)
 
 
