@@ -4,8 +4,7 @@ Serving an available customer when passing it is always optimal. A state is ther
 the number of customers served in each chain, and it has at most two successors: the nearest
 available customer to the left and to the right. A* expands states by the bound of :mod:`.bound`, in
 buckets. A beam search with the same bound provides the first incumbent. Wider beams and merges of its chains
-(:mod:`.chain_search`) improve it from time to time. Large models alternate merges with the ascent of the bound by shares
-(:mod:`.shares`) before they expand states.
+(:mod:`.chain_search`) improve it from time to time, in large models also between steps of the ascent of :mod:`.shares`.
 """
 
 from __future__ import annotations
@@ -56,8 +55,7 @@ FEW = 8192
 BUCKETS = 1 << 14
 #: Growth factor of the capacity.
 GROWTH = 4
-#: Maximum number of sample states whose bounds the shares raise, drawn from the best tenth of open
-#: states.
+#: Maximum number of sample states whose bounds the shares raise, from the best tenth of open states.
 SAMPLES, TENTH = 24, 10
 #: Expansions before the shares of the chains are computed and the search restarts; no limit.
 EARLY, FOREVER = 150_000, 1 << 62
@@ -67,9 +65,10 @@ CHUNK = 20_000
 SCANNED = 300_000_000
 #: Width of the first beam, growth factor of the width, and maximum width.
 NARROW, WIDER, WIDEST = 16, 2, 1 << 15
-#: Capacity of a beam per unit of its width, and maximum size of its trace and of its
-#: states in bytes.
+#: Capacity of a beam per unit of its width, and maximum size of its trace and of its states in bytes.
 ROOM, TRACE, POOL = 16, 200_000_000, 400_000_000
+#: States of the merges before the first beam, about a second, and the share of models that are not large.
+FIRST, LATER = 3e8, 0.1
 #: Expansions after which the search also merges chains of the incumbent again.
 HARD = 60_000
 #: Expansions of the search per expansion of the beams.
@@ -143,18 +142,18 @@ class _Search:
         if request.warm_start is not None:
             self.offer(request.warm_start.order)
         self.info = np.zeros(5, np.int64)
-        self.root = self.least = self.merged_value = self.width = 0
+        self.root = self.least = self.merged_value = self.width = self.owed = 0
         self.limit: Limit | None = None
         self.rounds: ChainRounds | None = None
         self.ready = self.ended = False
-        self.owed = 0.0
 
     def prepare(self) -> None:
         """Start with merges of chains and compute the tables, which take half a second for 20,000 customers."""
         flag = self.control.flag
         self.small, numbers = reduced(self.model, flag=flag)
         self.large = self.small.size - 1 > MANY
-        if self.small.size - 1 > LARGE or self.request.time_limit is not None:
+        self.limited = self.request.time_limit is not None
+        if self.limited or self.small.size - 1 > LARGE:
             for stops in merged_starts(self.model, self.request):
                 self.offer(stops)
         self.tables = tables = Tables.of(self.small, flag)
@@ -175,10 +174,8 @@ class _Search:
     @property
     def bound(self) -> float:
         """Lower bound on the length of every tour proven so far, in m."""
-        if not self.ready:
-            return 0.0
-        if self.ended and self.tables.exact:
-            return self.value
+        if not self.ready or (self.ended and self.tables.exact):
+            return self.value if self.ended else 0.0
         return self.least * self.tables.unit * (1.0 if self.tables.exact else 1.0 - SAFE)
 
     @property
@@ -210,11 +207,12 @@ class _Search:
     def solve(self) -> None:
         """Search until the incumbent is proven or a limit is reached."""
         self.prepare()
-        assert self.plan is not None
-        self.start(self.plan.order)
+        self.start()
         self.take(no_shares(self.tables))
-        if self.large and not (self.over or self._tabulate()):
-            self.merge()
+        self.merge_first(FIRST * LATER)
+        if self.large and not self.over:
+            self._tabulate()
+            self.merge_first(FIRST)
         self.look()
         if not self.over:
             start = np.array([[*[0] * (len(self.tables.first) - 1), self.tables.place[-1]]])
@@ -229,28 +227,33 @@ class _Search:
         while not self.over and (self.merge() or self.look()):
             self.limit = self.limit or Limit.MEMORY
 
-    def _tabulate(self) -> bool:
-        """Solve the model by dynamic programming; return False if its table does not fit."""
-        table = DynamicProgramming()
-        if table.refuses(self.model):
-            return False
-        answer = self.request.within(table, self.model)
-        if answer.termination is not Termination.OPTIMAL or answer.point is None:
-            return False
-        self.start(answer.point.order)
-        self.least, self.ended = self.best, True
-        return True
+    def merge_first(self, left: float) -> None:
+        """Merge chains as chain-search does, for this number of states: its tours are the best ones of short runs."""
+        wanted = self.large or (self.limited and len(self.kept) > LARGE)
+        while wanted and left > 0.0 and not self.over:
+            left -= self.merge() or left
 
-    def merge(self) -> bool:
-        """Continue the search by merges of chains; return False if it has settled."""
+    def _tabulate(self) -> None:
+        """Solve the model by dynamic programming if its table fits."""
+        table = DynamicProgramming()
+        if not table.refuses(self.model):
+            answer = self.request.within(table, self.model)
+            if answer.termination is Termination.OPTIMAL and answer.point is not None:
+                self.offer(answer.point.order)
+                self.start()
+                self.least, self.ended = self.best, True
+
+    def merge(self) -> int:
+        """Continue the search by merges of chains; return the number of their states, 0 if it has settled."""
         if self.rounds is None:
             try:
                 need = needs_of(self.small, self.small.cover, flag=self.control.flag)
             except UnsupportedFormulation:
-                return False
+                return 0
             self.rounds = ChainRounds(self.tables, need, self._order(), self.request.seed)
         if self.rounds.settled:
-            return False
+            return 0
+        work = min(self.rounds.left, MERGED)
         if self.merged_value > self.best:
             self.rounds.adopt(self._order())
         value = self.rounds.improve(self.control.flag)
@@ -258,15 +261,15 @@ class _Search:
             self.best = value
             self.offer([self.kept[i] for i in self.rounds.best.tolist()])
         self.merged_value = value
-        return True
+        return work
 
     def alternate(self, bound: int, work: float) -> bool:
         """Store a bound of the shares, and merge chains for as many states; return whether the search is over."""
         self.least = max(self.least, min(bound, self.best))
         self.control.bound = self.bound
-        self.owed += work
-        while self.owed >= MERGED and not self.over:
-            self.owed = self.owed - MERGED if self.merge() else 0.0
+        self.owed += int(work)
+        while self.owed > 0 and not self.over:
+            self.owed -= self.merge() or self.owed
         return self.over
 
     def _order(self) -> Ints:
@@ -275,17 +278,12 @@ class _Search:
         assert self.plan is not None
         return np.array([position[c] for c in self.plan.order if c in position], np.int64)
 
-    def start(self, stops: Iterable[int]) -> None:
-        """Offer the tour through the relevant customers among `stops`."""
-        where = dict(zip(self.kept, self.tables.place[:-1].tolist(), strict=True))
-        stops = [c for c in stops if c in where]
-        start = int(self.tables.place[-1])
-        units = np.abs(
-            np.diff(self.tables.at[[start, *map(where.__getitem__, stops), start]])
-        ).sum()
-        if units < self.best:
-            self.best = int(units)
-            self.offer(stops)
+    def start(self) -> None:
+        """Walk through the relevant customers of the incumbent only, and measure this tour in units."""
+        order = self._order().tolist()
+        self.offer([self.kept[i] for i in order])
+        places = self.tables.place[[-1, *order, -1]]
+        self.best = min(self.best, int(np.abs(np.diff(self.tables.at[places])).sum()))
 
     def offer(self, stops: Iterable[int]) -> None:
         """Store the tour through `stops` if it is shorter than the incumbent."""
@@ -346,9 +344,8 @@ class _Search:
         width = span // BUCKETS + 1
         buckets = np.empty(span // width + 1, np.int32)
         status = None
-        chunk = int(
-            np.clip(SCANNED // (self.tables.first.size * self.tables.wide.size + 1), 20, CHUNK)
-        )
+        compared = self.tables.first.size * self.tables.wide.size + 1
+        chunk = int(np.clip(SCANNED // compared, 20, CHUNK))
         while not self.over and (status is None or self.info[kernels.EXPANDED] < steps):
             if status == kernels.FULL:
                 if room == limit:
@@ -371,9 +368,8 @@ class _Search:
             del states, shared  # the arrays may be resized
             if self.info[kernels.BEST] < self.best:
                 self.best = int(self.info[kernels.BEST])
-                self.walk(
-                    int(self.info[kernels.GOAL]), parents, lambda state: self._place(keys[state])
-                )
+                goal = int(self.info[kernels.GOAL])
+                self.walk(goal, parents, lambda state: self._place(keys[state]))
             if status == kernels.DONE:
                 self.least, self.ended = self.best, True
             else:
@@ -396,8 +392,7 @@ class _Search:
         some = some[: max(len(some) // TENTH, min(SAMPLES, len(some)))]
         some = some[np.linspace(0, len(some) - 1, min(SAMPLES, len(some))).astype(int)]
         word, shift, mask = self.tables.fields.T
-        counts: Ints = keys[some][:, word] >> shift & mask
-        return counts
+        return np.asarray(keys[some][:, word] >> shift & mask)
 
     def _place(self, key: Ints) -> int:
         word, shift, mask = self.tables.fields[-1]
