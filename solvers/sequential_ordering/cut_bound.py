@@ -98,7 +98,7 @@ def cut_bound(
 
 
 def _pairs(model: SequentialOrdering) -> list[tuple[int, int, Truths]]:
-    """Return pairs of nodes of which the first precedes the second, and the nodes that may be between them."""
+    """Return pairs in order, including the first and the last node, and the nodes that may be between them."""
     last = model.size - 1
     inner = range(1, last)
     pairs = [(0, j) for j in inner] + [(j, last) for j in inner]
