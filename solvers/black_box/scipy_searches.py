@@ -157,7 +157,7 @@ class DifferentialEvolution(_SciPy):
                     population[first] - population[other]
                 )
                 mutant = np.where((mutant < 0) | (mutant > 1), generator.random(d), mutant)
-                share = generator.random(d)
+                share = generator.random((d,))
                 share[generator.integers(d)] = 0.0
                 trial = np.where(share < 0.7, mutant, population[target])[None]
                 objective.begin(trial)

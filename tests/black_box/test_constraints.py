@@ -51,14 +51,33 @@ def test_every_search_keeps_inequalities_of_any_scale(name, scale):
     assert answer.primal_bound == pytest.approx(1.5 - 0.2 * math.sqrt(2), abs=0.05)
 
 
-@pytest.mark.parametrize("name", ["differential-evolution", "dual-annealing", "portfolio"])
-def test_equalities_hold_within_their_tolerance(name):
+@pytest.mark.parametrize(
+    ("name", "budget"),
+    [
+        *(("differential-evolution", 4000), ("dual-annealing", 4000), ("portfolio", 1000)),
+        *(("cobyqa", 60), ("surrogate-search", 60)),
+    ],
+)
+def test_equalities_hold_within_their_tolerance(name, budget):
     model = box(
         lambda x: [x[0] ** 2 + x[1] ** 2, x[0] + 2 * x[1] - 1], (-1, 1), (-1, 1),
-        equalities=1, equality_tolerance=1e-3, budget=4000,
+        equalities=1, equality_tolerance=1e-3, budget=budget,
     )  # fmt: skip
     answer, _ = search(name, model, seed=1)
     assert model.verify(answer.point).ok and answer.primal_bound == pytest.approx(0.2, abs=2e-3)
+
+
+@pytest.mark.parametrize("name", ["cobyqa", "surrogate-search"])
+def test_more_constraints_than_processes(name):
+    model = box(
+        lambda x: [x.sum(), *(0.3 - x[0] - np.arange(30) / 1000)],
+        (0, 1),
+        (0, 1),
+        inequalities=30,
+        budget=40,
+    )
+    answer, _ = search(name, model, seed=1)
+    assert model.verify(answer.point).ok and answer.primal_bound == pytest.approx(0.3, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", EVERY)
