@@ -48,6 +48,11 @@ print(shortest.summary())
 assert shortest.verification.ok
 
 # %%
+# Evaluations prove no bound, so a comparison of two searches names the better plan and stays inconclusive.
+
+print(ct.compare([problem], ["cma-es", "differential-evolution"], seed=1, evaluations=2000))
+
+# %%
 # The obstacles, with the clearance around them, and the path.
 
 scene, axes = plt.subplots(layout="constrained")

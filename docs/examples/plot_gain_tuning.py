@@ -57,6 +57,11 @@ print(tuned.summary())
 assert tuned.verification.ok
 
 # %%
+# Evaluations prove no bound, so a comparison of two searches names the better plan and stays inconclusive.
+
+print(ct.compare([problem], ["cobyqa", "differential-evolution"], seed=1))
+
+# %%
 # The veil with the red border covers gains that violate a constraint.
 
 landscape = ct.plot(problem, tuned, points=61)

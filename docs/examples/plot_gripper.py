@@ -60,6 +60,11 @@ assert design.verification.ok
 sections = ct.plot(problem, design)
 
 # %%
+# Evaluations prove no bound, so a comparison of two searches names the better plan and stays inconclusive.
+
+print(ct.compare([problem], ["cma-es", "differential-evolution"], seed=1, evaluations=2000))
+
+# %%
 # The force of the design is nearly constant over the stroke, while its fingers open as required.
 
 force, opening = forces(np.array([design.plan.x]))
