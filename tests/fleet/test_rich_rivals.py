@@ -353,7 +353,7 @@ def test_pyvrp_checks_only_some_of_its_plans_with_a_time_limit(monkeypatch: Any)
     assert 1 <= len(offers) <= 2
     assert [list(route) for route in answer.plan.routes] == offers[-1]
     offers.clear()
-    solved(FleetRouting(3, **fields, deviation_limit=50.0), "pyvrp", time_limit=0.4)
+    solved(FleetRouting(3, **fields, deviation_limit=50.0), "pyvrp", time_limit=1.0)
     assert len(offers) > 2
 
 
