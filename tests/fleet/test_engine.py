@@ -69,8 +69,9 @@ def test_incremental_values_equal_recomputed_ones(seed, objective, count, vehicl
     loads = loads_of(model, plan) / model.distances.max()
     assert routes.values[0] == pytest.approx(loads)
     assert routes.values[2].tolist() == [len(stops) for stops in plan.routes]
-    if model.demands is not None:
-        assert routes.values[1].tolist() == [model.demands[list(x)].sum() for x in plan.routes]
+    for state in (routes, now) if model.demands is not None else ():  # the best and the last routes
+        candidate.routes = state
+        assert state.values[1].tolist() == [model.demands[x].sum() for x in candidate.stops()]
 
 
 @pytest.mark.parametrize("vehicles", [1, 3])
