@@ -227,8 +227,12 @@ def report(rows: list[dict[str, Any]], seconds: float, write_table: bool) -> Non
             own = groups[kind, solver]
             gaps = [run["gap"] for run in own if run.get("gap") is not None]
             lacking = f", {len(own) - len(gaps)} without plan" * (len(gaps) < len(own))
-            spent = f" ({np.mean([run['cpu'] for run in own]):.0f} s)" * (solver == "vroom")
+            spent = ""
+            if solver == "vroom" and own:
+                spent = f" ({np.mean([run['cpu'] for run in own]):.0f} s)"
             cells.append(f"{np.mean(gaps):.2f}{spent}{lacking}" if gaps else lacking.strip(", "))
+            if any("does not cover" in run.get("error", "") for run in own):
+                cells[-1] = "refused"
         files = sorted({run["file"].split("/")[1] for run in runs})
         seeds = len({run["seed"] for run in runs})
         rejected = sum(bool(run.get("faults")) for run in runs)
