@@ -102,14 +102,7 @@ class Setting:
 class SmallFigures:
     """One row of table 2: Gurobi 8.0 on the program of eq. 1-24 against two-stage.
 
-    Parameters
-    ----------
-    gurobi : float
-        Seconds of Gurobi.
-    optimum : float
-        Length (m) that both found.
-    two_stage : float
-        Seconds of the two-stage algorithm.
+    `gurobi` and `two_stage` are seconds, and `optimum` is the length (m) that both found.
     """
 
     gurobi: float
@@ -121,14 +114,7 @@ class SmallFigures:
 class LargeFigures:
     """One row of table 3: seconds of three algorithms.
 
-    Parameters
-    ----------
-    stage_1, stage_2, two_stage : float
-        The two-stage algorithm: its stages and the whole (paper: T1, T2, T).
-    pulse : float
-        The pulse algorithm.
-    dynamic_programming : float
-        Dynamic programming.
+    The stages of the two-stage algorithm and the whole are T1, T2 and T in the paper.
     """
 
     stage_1: float

@@ -24,34 +24,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formulation import Formulation
 from ..programs.builder import ProgramBuilder
-from ..programs.linear import MixedIntegerProgram
 from ..resource_routing.arc_flow import ResourceFlowFormulation
-from ..resource_routing.routes import refuse_revisits, require_positive
-from .model import ErrorCorrectionRouting, Route
+from ..resource_routing.model import ResourceRouting
+from .model import ErrorCorrectionRouting
 
 __all__ = ["ArcFlowFormulation"]
 
 
 @dataclass(frozen=True, eq=False)
-class _Flow(ResourceFlowFormulation):
-    """Program of the errors with a limit on the number of arcs."""
-
-    most_arcs: float | None = None
-
-    def _add_rows(self, b: ProgramBuilder, x: NDArray[np.int64]) -> None:
-        if self.most_arcs is not None:
-            b.rows("corrections at most", 1, (0, x, 1.0), upper=self.most_arcs, unit="arcs")
-
-
-@dataclass(frozen=True, eq=False)
-class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
+class ArcFlowFormulation(ResourceFlowFormulation):
     """Program of the arcs that the thresholds allow, with the surviving error carried on them.
 
     Parameters
@@ -69,45 +56,19 @@ class ArcFlowFormulation(Formulation[ErrorCorrectionRouting, Route]):
         `length_bound` is not a positive number.
     """
 
-    length_bound: float | None = None
-
-    name: ClassVar[str] = "arc-flow"
-    program_type: ClassVar[type[MixedIntegerProgram]] = MixedIntegerProgram
     summary: ClassVar[str] = "possible arcs only, errors carried on arcs, no big M"
 
-    def __post_init__(self) -> None:
-        refuse_revisits(self.model, self.name)
-        require_positive(self.name, length_bound=self.length_bound)
-
-    def bounded(self, objective: float) -> ArcFlowFormulation:
-        """Return the formulation without arcs that only longer routes can use; `objective` in m."""
-        return replace(self, length_bound=objective)
-
     @cached_property
-    def _flow(self) -> _Flow:
+    def _routing(self) -> ResourceRouting:
+        """Equivalent route with resources, without the limit on corrections.
+
+        One row is stronger than a resource with a level on each arc.
+        """
+        model: ErrorCorrectionRouting = self.model
+        plain = model.corrections_limit is None
+        return (model if plain else replace(model, corrections_limit=None)).lower()
+
+    def _add_rows(self, b: ProgramBuilder, x: NDArray[np.int64]) -> None:
         limit = self.model.corrections_limit
-        # One row is stronger than a resource with a level on each arc.
-        model = self.model if limit is None else replace(self.model, corrections_limit=None)
-        return _Flow(model.lower(), self.length_bound, None if limit is None else limit + 1.0)
-
-    @property
-    def arcs(self) -> Any:
-        """Arcs with columns in the program, see :class:`~..resource_routing.arcs.UsedArcs`."""
-        return self._flow.arcs
-
-    @property
-    def floor(self) -> float:
-        """Length of the shortest path from A to B over the possible arcs, m."""
-        return self._flow.floor
-
-    def build(self) -> MixedIntegerProgram:
-        """Return the program described in the module's docstring."""
-        return self._flow.build()
-
-    def encode(self, plan: Route) -> NDArray[np.float64]:
-        """Return the columns of a simple route; raise for an excluded arc."""
-        return self._flow.encode(plan)
-
-    def decode(self, point: NDArray[np.float64]) -> Route:
-        """Return the route formed by the used arcs; separate cycles are dropped."""
-        return self._flow.decode(point)
+        if limit is not None:
+            b.rows("corrections at most", 1, (0, x, 1.0), upper=limit + 1.0, unit="arcs")

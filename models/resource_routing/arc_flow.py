@@ -29,7 +29,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +68,7 @@ class _Levels(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
+class ResourceFlowFormulation(Formulation[Any, Route]):
     """Program of the arcs that the limits allow, with the level of each resource on them.
 
     Parameters
@@ -94,9 +94,9 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
     summary: ClassVar[str] = "possible arcs only, levels carried on arcs, no big M"
 
     def __post_init__(self) -> None:
-        refuse_revisits(self.model, self.name)
+        refuse_revisits(self._routing, self.name)
         require_positive(self.name, length_bound=self.length_bound)
-        model = self.model
+        model = self._routing
         for k, resource in enumerate(model.resources):
             word = model.kinds[model.end]
             covered = {word} if k in self._kept and model.kinds.count(word) == 1 else set()
@@ -107,31 +107,37 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
                 )
 
     @cached_property
+    def _routing(self) -> ResourceRouting:
+        """Routing problem of the program."""
+        model: ResourceRouting = self.model
+        return model
+
+    @cached_property
     def _kept(self) -> tuple[int, ...]:
         """Resources without resets and floors."""
         return tuple(
             k
-            for k in range(len(self.model.resources))
-            if np.isinf(self.model.resets[:, k]).all() and not self.model.floors[:, k].any()
+            for k in range(len(self._routing.resources))
+            if np.isinf(self._routing.resets[:, k]).all() and not self._routing.floors[:, k].any()
         )
 
     @cached_property
     def _ordered(self) -> bool:
         """Whether the program must exclude separate cycles."""
-        model = self.model
+        model = self._routing
         return model.has_prizes or bool(model.lower_limits.any())
 
     @cached_property
     def _knapsacks(self) -> tuple[int, ...]:
         """Resources whose levels one row replaces."""
-        model = self.model
+        model = self._routing
         limit = model.limits[model.codes]
         least = limit[model.end]
         return tuple(
             k for k in self._kept if np.isfinite(least[k]) and least[k] <= limit[:, k].min()
         )
 
-    def bounded(self, objective: float) -> ResourceFlowFormulation:
+    def bounded(self, objective: float) -> Self:
         """Return the formulation without arcs that only routes longer than `objective` can use."""
         return replace(self, length_bound=objective) if objective > 0 else self
 
@@ -139,7 +145,7 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
     def arcs(self) -> UsedArcs:
         """Arcs with columns in the program."""
         bound = np.inf if self.length_bound is None else self.length_bound
-        arcs = possible_arcs(self.model, bound)
+        arcs = possible_arcs(self._routing, bound)
         if self._ordered:
             arcs = replace(arcs, use=np.column_stack([arcs.use, np.ones(len(arcs))]))
         return arcs
@@ -147,7 +153,7 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
     @cached_property
     def floor(self) -> float:
         """Length of the shortest path from start to end over the possible arcs."""
-        model, arcs = self.model, self.arcs
+        model, arcs = self._routing, self.arcs
         if model.has_prizes:
             return -np.inf
         ahead, _ = shortest_ways(
@@ -161,22 +167,22 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
     def _levels(self) -> tuple[_Levels, ...]:
         return tuple(
             self._columns(k)
-            for k in range(len(self.model.resources))
-            if np.isfinite(self.model.limits[:, k]).any() and k not in self._knapsacks
+            for k in range(len(self._routing.resources))
+            if np.isfinite(self._routing.limits[:, k]).any() and k not in self._knapsacks
         ) + ((self._order(),) if self._ordered else ())
 
     def _order(self) -> _Levels:
         """Return the columns of the number of arcs up to each point."""
         arcs, none = self.arcs, np.empty(0, np.int64)
-        carrying = np.flatnonzero(arcs.tail != self.model.start)
-        room = np.full(carrying.size, max(len(self.model.kinds) - 2.0, 0.0))
+        carrying = np.flatnonzero(arcs.tail != self._routing.start)
+        room = np.full(carrying.size, max(len(self._routing.kinds) - 2.0, 0.0))
         return _Levels(
-            len(self.model.resources), carrying, room, np.zeros(len(arcs)), none, np.empty(0),
+            len(self._routing.resources), carrying, room, np.zeros(len(arcs)), none, np.empty(0),
             np.ones(carrying.size),
         )  # fmt: skip
 
     def _columns(self, k: int) -> _Levels:
-        model, arcs = self.model, self.arcs
+        model, arcs = self._routing, self.arcs
         n = len(model.kinds)
         limit = model.rounded_limits[model.codes, k]
         reset = model.resets[model.codes, k]
@@ -207,11 +213,11 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
     @cached_property
     def _with_uses(self) -> UsedArcs:
         """Arcs without the column of the order."""
-        return replace(self.arcs, use=self.arcs.use[:, : len(self.model.resources)])
+        return replace(self.arcs, use=self.arcs.use[:, : len(self._routing.resources)])
 
     def build(self) -> MixedIntegerProgram:
         """Return the program described in the module's docstring."""
-        model, arcs = self.model, self.arcs
+        model, arcs = self._routing, self.arcs
         n = len(model.kinds)
         index = np.column_stack([arcs.tail, arcs.head])
         inner = np.setdiff1d(np.arange(n), [model.start, model.end])
@@ -254,7 +260,7 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
 
     def _add(self, b: ProgramBuilder, levels: _Levels, x: Ints, index: Ints) -> None:
         """Add the columns and rows of one resource."""
-        model, arcs = self.model, self.arcs
+        model, arcs = self._routing, self.arcs
         k, carrying, room, constant, either, most, least = levels
         is_order = k == len(model.resources)
         name, unit = (
@@ -305,7 +311,7 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
 
     def encode(self, plan: Route) -> Floats:
         """Return the columns of a simple route; raise for an excluded arc."""
-        model, arcs = self.model, self.arcs
+        model, arcs = self._routing, self.arcs
         route = require_route(model, plan)
         n = len(model.kinds)
         key = arcs.tail * n + arcs.head
@@ -342,4 +348,4 @@ class ResourceFlowFormulation(Formulation[ResourceRouting, Route]):
         if point.size != count:
             raise InvalidData(f"point must have {count} entries, got {point.size}", field="point")
         used = point[: len(arcs)] > 0.5
-        return follow(self.model, arcs.tail[used], arcs.head[used])
+        return follow(self._routing, arcs.tail[used], arcs.head[used])

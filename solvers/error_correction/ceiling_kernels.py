@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 
 from ...jit import MOST_LABELS, kernel
 from ..resource_routing.front_kernels import widened
+from ..resource_routing.outcomes import DEAR, FOUND, FULL, NOTHING, STOPPED
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, build, near
-from .outcomes import DEAR, FOUND, FULL, NOTHING, STOPPED
 from .steps import REFUSED, arrive, distances_to, least_errors, radius_of, remaining, trace
 
 __all__ = ["climb"]

@@ -29,9 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..resource_routing.elementary import Found, elementary
+from ..resource_routing.outcomes import FOUND, NOTHING
 from .airspace import Airspace
 from .grid import Grid, build
-from .outcomes import FOUND, NOTHING
 from .way_kernels import ways_on
 
 __all__ = ["Found", "critical_bits", "elementary", "simple_below"]

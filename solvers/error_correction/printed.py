@@ -21,8 +21,8 @@ from ..contract.backend import (
     Request,
     Termination,
 )
+from ..resource_routing.outcomes import FOUND, NOTHING, OPEN, STOPPED
 from .native import RoutingBackend
-from .outcomes import FOUND, NOTHING, OPEN, STOPPED
 
 if TYPE_CHECKING:
     from .airspace import Airspace

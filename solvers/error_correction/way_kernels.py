@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from ...jit import MOST_LABELS, kernel
 from ..resource_routing.front_kernels import widened
+from ..resource_routing.outcomes import FOUND, FULL, STOPPED
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, near
 from .labels import Labels, close, visited
-from .outcomes import FOUND, FULL, STOPPED
 from .steps import REFUSED, distance, distances_to
 
 __all__ = ["Ways", "forget", "least", "plain_ways", "rest", "ways_on"]

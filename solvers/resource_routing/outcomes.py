@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-__all__ = ["FOUND", "FULL", "NOTHING", "OPEN", "STOPPED"]
+__all__ = ["DEAR", "FOUND", "FULL", "NOTHING", "OPEN", "STOPPED"]
 
 #: Optimal route proven; infeasibility proven; stopped by the flag; out of memory for labels; ended
-#: without a proof.
-FOUND, NOTHING, STOPPED, FULL, OPEN = 1, 0, -1, -2, -3
+#: without a proof; budget of labels exceeded.
+FOUND, NOTHING, STOPPED, FULL, OPEN, DEAR = 1, 0, -1, -2, -3, -4

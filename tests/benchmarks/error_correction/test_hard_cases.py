@@ -20,10 +20,10 @@ from crosstrack.solvers import Request, find_backend
 from crosstrack.solvers.error_correction.airspace import airspace
 from crosstrack.solvers.error_correction.elementary import Found, critical_bits, elementary
 from crosstrack.solvers.error_correction.grid import build
-from crosstrack.solvers.error_correction.outcomes import NOTHING
 from crosstrack.solvers.error_correction.steps import distances_to
 from crosstrack.solvers.error_correction.sweep_kernels import best_first
 from crosstrack.solvers.error_correction.way_kernels import plain_ways
+from crosstrack.solvers.resource_routing.outcomes import NOTHING
 
 
 def out_of_reach(n: int) -> Any:
