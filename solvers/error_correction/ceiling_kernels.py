@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import MOST_LABELS, kernel
-from ..resource_routing.front_kernels import widened
+from ..resource_routing.front_kernels import trace, widened
 from ..resource_routing.outcomes import DEAR, FOUND, FULL, NOTHING, STOPPED
 from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, build, near
-from .steps import REFUSED, arrive, distances_to, least_errors, radius_of, remaining, trace
+from .steps import REFUSED, arrive, distances_to, least_errors, radius_of, remaining
 
 __all__ = ["climb"]
 

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import MOST_LABELS, kernel
-from ..resource_routing.front_kernels import widened
+from ..resource_routing.front_kernels import trace, widened
 from ..resource_routing.outcomes import FOUND, FULL, NOTHING, STOPPED
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
-from .steps import trace
 
 __all__ = ["correct_labels", "label_points", "send_pulses"]
 

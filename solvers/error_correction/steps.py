@@ -16,7 +16,7 @@ from .airspace import END, HORIZONTAL, START, VERTICAL, Airspace
 from .grid import Grid, near, near_beyond, reach
 
 __all__ = [
-    "REFUSED", "arrive", "distance", "distances_to", "least_errors", "radius_of", "remaining", "trace",
+    "REFUSED", "arrive", "distance", "distances_to", "least_errors", "radius_of", "remaining",
 ]  # fmt: skip
 
 #: Result of :func:`arrive` for an arc that violates a threshold of its head.
@@ -137,19 +137,6 @@ def remaining(
             best[edge] = total
             heappush(heap, (total, edge))
     return best
-
-
-@kernel
-def trace(points: NDArray[np.int64], parents: NDArray[np.int64], label: int) -> NDArray[np.int64]:
-    """Return the points of the labels from the first to `label`; empty for label -1."""
-    count, at = 0, label
-    while at >= 0:
-        count, at = count + 1, parents[at]
-    route, at = np.empty(count, np.int64), label
-    while at >= 0:
-        count -= 1
-        route[count], at = points[at], parents[at]
-    return route
 
 
 @kernel(interpretable=True)

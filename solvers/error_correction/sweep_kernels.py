@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import MOST_LABELS, kernel
+from ..resource_routing.front_kernels import trace
 from ..resource_routing.outcomes import FOUND, FULL, NOTHING, STOPPED
 from .airspace import END, HORIZONTAL, VERTICAL, Airspace
 from .grid import Grid, near
 from .labels import add, dominated, grown, link, make, visited
-from .steps import REFUSED, arrive, distances_to, radius_of, trace
+from .steps import REFUSED, arrive, distances_to, radius_of
 from .way_kernels import Ways, forget, least, rest
 
 __all__ = ["best_first"]

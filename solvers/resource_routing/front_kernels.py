@@ -9,7 +9,17 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["Fronts", "Labels", "dominated", "fronts_of", "grown", "inserted", "make", "widened"]
+__all__ = [
+    "Fronts",
+    "Labels",
+    "dominated",
+    "fronts_of",
+    "grown",
+    "inserted",
+    "make",
+    "trace",
+    "widened",
+]
 
 
 class Labels(NamedTuple):
@@ -74,6 +84,19 @@ def grown(labels: Labels, room: int) -> Labels:
         widened(labels.point, room), widened(labels.parent, room), widened(labels.length, room),
         widened(labels.level, room), widened(labels.visited, room),
     )  # fmt: skip
+
+
+@kernel
+def trace(points: NDArray[np.int64], parents: NDArray[np.int64], label: int) -> NDArray[np.int64]:
+    """Return the points of the labels from the first to `label`; empty for label -1."""
+    count, at = 0, label
+    while at >= 0:
+        count, at = count + 1, parents[at]
+    route, at = np.empty(count, np.int64), label
+    while at >= 0:
+        count -= 1
+        route[count], at = points[at], parents[at]
+    return route
 
 
 @kernel

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import MOST_LABELS, kernel
-from .front_kernels import Labels, dominated, fronts_of, grown, inserted, make
+from .front_kernels import Labels, dominated, fronts_of, grown, inserted, make, trace
 from .network import Network
 from .outcomes import FOUND, FULL, NOTHING, STOPPED
 
@@ -86,22 +86,6 @@ def extend(
     labels.parent[at] = label
     labels.length[at] = labels.length[label] + net.length[arc]
     return True
-
-
-@kernel
-def route_of(labels: Labels, label: int) -> NDArray[np.int64]:
-    """Return the points of the partial route of `label`, from the start."""
-    count, at = 0, label
-    while at >= 0:
-        count += 1
-        at = labels.parent[at]
-    route = np.empty(count, np.int64)
-    at = label
-    while at >= 0:
-        count -= 1
-        route[count] = labels.point[at]
-        at = labels.parent[at]
-    return route
 
 
 @kernel
@@ -205,7 +189,7 @@ def best_first(
                 used += 1
     sizes, points = np.zeros(ends, np.int64), np.empty(0, np.int64)
     for k in range(ends):
-        route = route_of(labels, end[k])
+        route = trace(labels.point, labels.parent, end[k])
         sizes[k], points = len(route), np.concatenate((points, route))
     if status == NOTHING and ends > 0:
         status, bound = FOUND, lengths[0]

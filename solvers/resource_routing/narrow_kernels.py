@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .front_kernels import Labels, dominated, fronts_of, grown, inserted, make
-from .label_kernels import extend, route_of
+from .front_kernels import Labels, dominated, fronts_of, grown, inserted, make, trace
+from .label_kernels import extend
 from .network import Network
 
 __all__ = ["narrow"]
@@ -69,7 +69,7 @@ def narrow(
         _, label = heappop(heap)
         here = labels.point[label]
         if here == net.end:
-            return route_of(labels, label), labels.length[label]
+            return trace(labels.point, labels.parent, label), labels.length[label]
         if extended[here] >= width or dominated(
             fronts, labels, label, via, via, np.inf, 0.0, net.full, 1
         ):
