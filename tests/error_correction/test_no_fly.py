@@ -1,5 +1,6 @@
 """No-fly polygons: exact crossings, equal optima of all backends, refusals, checks and files."""
 
+import itertools
 import math
 from dataclasses import replace
 from fractions import Fraction
@@ -14,9 +15,9 @@ from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.instances.error_correction import random_small
 from crosstrack.models import Route
 from crosstrack.models.error_correction.arc_flow import ArcFlowFormulation
-from crosstrack.models.error_correction.no_fly import crosses
+from crosstrack.models.error_correction.no_fly import crosses, free_legs
 from crosstrack.models.error_correction.paper import PaperFormulation
-from crosstrack.models.grid_path import Polygon
+from crosstrack.models.grid_path import Polygon, Polygons
 
 SQUARE = [[0, 0], [4, 0], [4, 4], [0, 4]]
 #: Legs and whether they cross the square.
@@ -81,6 +82,25 @@ def test_a_leg_crosses_the_open_interior(case, scale):
     square = Polygon(scale * np.array(SQUARE, float))
     for one, other in ((first, last), (last, first)):
         assert crosses(scale * np.array(one), scale * np.array(other), square) == wanted
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
+def test_the_fast_decision_equals_the_exact_one(scale):
+    """For all pairs of whole points, some of them inside, on edges or at corners of two polygons."""
+    draw = np.random.default_rng(7)
+    points = scale * np.column_stack([draw.integers(0, 9, (30, 2)), draw.random(30)])
+    hole = np.array([[3, 3], [5, 3], [5, 5]])
+    zones = Polygons().coerce(
+        "no_fly",
+        [(scale * np.array([[1, 1], [7, 1], [7, 7], [4, 6], [1, 7]]), [scale * hole]),
+         scale * np.array([[7, 2], [8, 2], [8, 3]])],
+        {},
+    )  # fmt: skip
+    free = free_legs(points, zones)
+    for i, j in itertools.combinations(range(30), 2):
+        wanted = not any(crosses(points[i], points[j], zone) for zone in zones)
+        assert free[i, j] == free[j, i] == wanted, (i, j)
+    assert 50 < free.sum() / 2 < 385 and not free.diagonal().any()
 
 
 def test_a_hole_is_free():
