@@ -15,6 +15,7 @@ SHARED = (
     "arc_flow.ResourceFlowFormulation",
     "arcs.UsedArcs",
     "arcs.require_few",
+    "checks.exact_sum",
     "route.Route",
     "route.route_from_data",
     "route.route_of_indices",
