@@ -230,7 +230,8 @@ class _Search:
             shares = sorted(trials)
             place = shares.index(best)
             beside = [shares[k] for k in (place - 1, place + 1) if 0 <= k < len(shares)]
-            share = 0.5 * (best + max(beside, key=lambda at, centre=best: abs(at - centre)))
+            farthest = beside[int(np.argmax([abs(item - best) for item in beside]))]
+            share = 0.5 * (best + farthest)
             trial = self.at(share)
             if trial is None:
                 break
