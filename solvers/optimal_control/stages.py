@@ -34,7 +34,7 @@ class Stages:
 
     `jacobian` and `hessian` are the patterns of the rows' Jacobian and of the upper triangle of the
     Lagrangian's Hessian. Several phases, path equations, and terms that couple distant intervals nonlinearly
-    raise :class:`NotStaged`.
+    raise ``NotStaged``.
     """
 
     def __init__(self, posed: Parametric, jacobian: Any, hessian: Any) -> None:
@@ -218,7 +218,7 @@ class Stages:
         The step minimises ``gradient·d + d·(hessian + diagonal) d / 2`` subject to the linearised
         equations ``J d + residual = 0``. Inequality rows have a positive weight w and add
         ``w |J d + residual|² / 2``; their multiplier is ``w (J d + residual)``. Weights of equations are
-        infinite. Jacobian and Hessian are nonzeros. :class:`Singular` is raised far from a strict minimum.
+        infinite. Jacobian and Hessian are nonzeros. ``Singular`` is raised far from a strict minimum.
         """
         buffer = self._buffer
         buffer[:] = 0.0
