@@ -44,7 +44,7 @@ FIRST = 24
 WINDOWS = (0.125, 0.25, 0.06, 0.5, 0.03, 1.0, 0.015)
 #: Time of a search, relative to the rest of the last curve, above which a return is tried as well.
 SLOW = 1.1
-#: Multiples of the remaining time of a segment in which it is flown by one polynomial if no correction fits.
+#: Multiples of the remaining time of a segment, which one polynomial covers if no correction fits.
 SLOWER = (1.0, 1.25, 1.6, 2.2, 3.0, 5.0)
 #: Least duration of the first segment, relative to the mean.
 SHORTEST = 0.05

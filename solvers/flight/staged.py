@@ -41,6 +41,8 @@ TRAJECTORIES = "interior-point"
 MULTIPLES = (1.0, 0.7, 1.4, 2.0, 3.0, 0.5, 5.0)
 #: Waits before the departure per flight time, and their largest number.
 DELAYS, MOST_DELAYS = 20, 400
+#: Factors of the flight time, and samples of a flight to find moving obstacles.
+SLOWER, SAMPLES = (1.0, 1.15, 1.35, 1.7, 2.2, 3.0, 4.0), 256
 #: Statistic of a search that ended before the run because its kernels used up their time.
 STOPPED = "search for a curve stopped"
 #: Share of the time between two places at the same position, relative to the length scale.
@@ -137,7 +139,7 @@ class StagedFlight(Backend):
         if problem.moving:
             best = delayed(problem, best, request)
             if best is None:
-                return None, "no departure within the search avoids the moving obstacles"
+                return None, "no departure and speed within the search avoid the moving obstacles"
         result_check = problem.verify(best, tolerance=request.tolerance)
         return (best, "") if result_check.ok else (None, result_check.summary())
 
@@ -252,26 +254,43 @@ def standing(problem: Flight) -> Flight:
 
 
 def delayed(problem: Flight, plan: FlightPlan, request: Request) -> FlightPlan | None:
-    """Return the plan after the least tested wait at the start that avoids all moving obstacles.
+    """Return the plan with the earliest tested arrival that avoids all moving obstacles.
 
-    Waits are multiples of a share of the flight time. Only a flight that begins at rest can wait.
+    It waits at the start for multiples of a share of the flight time, and flies slower by a factor. Only a
+    flight that begins at rest can wait, and only one between rests can be slower.
     """
     curve = plan.trajectory
     rests = not (problem.start_velocity.any() or problem.start_acceleration.any())
+    stops = not (problem.goal_velocity.any() or problem.goal_acceleration.any())
     last = max(float(entry.trajectory.times[-1]) for entry in problem.moving) + curve.duration
     step = max(curve.duration / DELAYS, last / MOST_DELAYS)
-    for wait in np.arange(0.0, last if rests else 0.5 * step, step).tolist():
+    waits = np.arange(0.0, last if rests else 0.5 * step, step).tolist()
+    factors = SLOWER if rests and stops else SLOWER[:1]
+    tried = [(wait + factor * curve.duration, wait, factor) for wait in waits for factor in factors]
+    for _, wait, factor in sorted(tried):
         if request.control.stopped:
             return None
-        times, powers = curve.times + wait, curve.coefficients
+        times, powers = factor * curve.times + wait, curve.coefficients
         if wait:
             still = np.zeros((1, *powers.shape[1:]))
             still[0, 0] = problem.start
             times, powers = np.append(0.0, times), np.concatenate([still, powers])
-        later = FlightPlan(Trajectory(times, powers), plan.visits + wait, plan.path)
+        later = FlightPlan(Trajectory(times, powers), factor * plan.visits + wait, plan.path)
+        if _meets(problem, later.trajectory, request.tolerance):
+            continue
         if problem.verify(later, tolerance=request.tolerance).ok:
             return later
     return None
+
+
+def _meets(problem: Flight, curve: Trajectory, tolerance: float) -> bool:
+    """Return whether a moving obstacle is too near at a sampled instant, which is faster than to verify."""
+    times = np.linspace(curve.times[0], curve.times[-1], SAMPLES)
+    places, slack = curve(times), 10.0 * tolerance * problem.cell
+    return any(
+        np.linalg.norm(places - entry(times), axis=1).min() < problem.radius + entry.radius - slack
+        for entry in problem.moving
+    )
 
 
 def hovering(problem: Flight) -> FlightPlan | None:

@@ -35,7 +35,9 @@ def test_kernels_equal_their_plain_versions():
     approach(centres, arms, 60, points)
     approach.py_func(centres, arms, 60, plain)
     np.testing.assert_array_equal(points, plain)
-    # No other point of a body is nearer.
+    # They are points of the bodies, and no other point is nearer.
+    inside = np.linalg.solve(np.swapaxes(arms, 1, 2), (points - centres)[:, :, None])
+    assert np.abs(inside).max() <= 1.0 + 1e-9
     shares = draw.uniform(-1.0, 1.0, (200, 12, 3))
     others = np.linalg.norm(centres + np.einsum("snk,nkd->snd", shares, arms), axis=2)
     assert (np.linalg.norm(points, axis=1) <= others + 1e-9).all()
@@ -50,3 +52,8 @@ def test_kernels_equal_their_plain_versions():
         results.append((normals[:count], owners[:count]))
     np.testing.assert_array_equal(results[0][1], results[1][1])
     np.testing.assert_array_equal(results[0][0], results[1][0])
+    # A plane at the distance of its owner separates each body from the centre.
+    normals, owners = results[0]
+    spread = np.abs(np.einsum("nkd,pd->nkp", arms, normals)).sum(axis=1)
+    support = centres @ normals.T - spread
+    assert ((support >= support[owners, np.arange(len(owners))] - 1e-12).any(axis=1)).all()

@@ -117,6 +117,16 @@ def test_wild_flights(name, backend):
     solved(around(**WILD[name]), backend)
 
 
+def test_a_flight_is_slower_if_it_can_neither_wait_nor_pass():
+    """One obstacle passes over the start at 5 s, another one blocks the line until 10 s."""
+    sweeps = MovingObstacle(0.5, [0, 10], [[0, -20], [0, 20]])
+    blocks = MovingObstacle(0.5, [0, 10, 12], [[6, 0], [6, 0], [6, 20]])
+    model = around(map=[], moving=[sweeps, blocks])
+    curve = solved(model, "minco").plan.trajectory
+    assert curve.segments == ct.solve(around(map=[])).plan.trajectory.segments  # it does not wait
+    assert 18.0 < curve.duration < 30.0
+
+
 def test_the_time_of_minco_is_shorter_and_near_the_bound():
     model = around(map=[], goal=(40, 0))
     fast, slow = solved(model, "minco"), solved(model, "staged")
