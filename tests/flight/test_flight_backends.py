@@ -123,8 +123,8 @@ def test_a_flight_is_slower_if_it_can_neither_wait_nor_pass():
     blocks = MovingObstacle(0.5, [0, 10, 12], [[6, 0], [6, 0], [6, 20]])
     model = around(map=[], moving=[sweeps, blocks])
     curve = solved(model, "minco").plan.trajectory
-    assert curve.segments == ct.solve(around(map=[])).plan.trajectory.segments  # it does not wait
-    assert 18.0 < curve.duration < 30.0
+    assert np.linalg.norm(curve(5.0)) > 0.8  # it has left the start
+    assert 2.0 < curve.duration / ct.solve(around(map=[])).plan.duration < 3.0
 
 
 def test_the_time_of_minco_is_shorter_and_near_the_bound():

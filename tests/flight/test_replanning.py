@@ -45,7 +45,7 @@ def test_a_replan_returns_to_the_last_plan_if_the_search_fails(monkeypatch):
     prepared = ct.prepare(around(waypoints=[[5, 4]]))
     last = prepared.replan((0, 0)).trajectory
     monkeypatch.setattr(prepared, "_keep", lambda *_: False)
-    for _ in range(5):  # from the last curve, and from corrected ones
+    for _ in range(2):  # from the last curve, and from a corrected one
         state = np.stack([last(1.0, order) for order in range(3)])
         state = state + np.array([[0.01], [0.01], [0.0]])
         replan = prepared.replan(*state)
@@ -58,8 +58,7 @@ def test_a_replan_returns_to_the_last_plan_if_the_search_fails(monkeypatch):
         ends = later + last.duration - curve.duration
         np.testing.assert_allclose(curve(later), last(ends), atol=1e-7)
         assert replan.verification().ok
-        if curve(0.0)[0] < 4.9:  # the waypoint is ahead
-            assert np.linalg.norm(curve(curve.times) - [5.0, 4.0], axis=1).min() < 1e-9
+        assert np.linalg.norm(curve(curve.times) - [5.0, 4.0], axis=1).min() < 1e-9
         last = curve
     # Too fast to be on the last plan again before the goal: the last segment takes longer.
     state = [last(last.duration - 0.5, order) for order in range(3)]
