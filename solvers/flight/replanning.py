@@ -18,12 +18,13 @@ from ...models.flight.plan import FlightPlan
 from ...models.minimum_snap.trajectory import Trajectory
 from ...models.verification import Verification
 from ..contract.solution import Solution
-from ..minimum_snap.minco import INSTANTS, Rows, Search, coefficients_of, peak, powers_between
-from ..minimum_snap.minco_limits import Task, measure
+from ..minimum_snap.minco import INSTANTS, Rows, Search, peak, powers_between
+from ..minimum_snap.minco_limits import measure
 from ..minimum_snap.minco_task import posed
 from ..run.dispatch import solve
 from .course import Course, course_of
 from .minco import ends_of, engine, limits_within
+from .tails import SHORTEST, curve_of, tail_of
 
 __all__ = ["PreparedFlight", "Replan", "prepare_flight"]
 
@@ -46,8 +47,6 @@ WINDOWS = (0.125, 0.25, 0.06, 0.5, 0.03, 1.0, 0.015)
 SLOW = 1.1
 #: Multiples of the remaining time of a segment, which one polynomial covers if no correction fits.
 SLOWER = (1.0, 1.25, 1.6, 2.2, 3.0, 5.0)
-#: Least duration of the first segment, relative to the mean.
-SHORTEST = 0.05
 #: Share of the inset that a curve may use, and least excess that it may have, in cells.
 PART, LEAST = 0.99, 1e-7
 #: Samples of the last curve per segment, to find the position on it.
@@ -170,7 +169,7 @@ class PreparedFlight:
     def _store(self, search: Any, sound: bool = True) -> None:
         """Keep a search, and its curve with the polytope of each segment; `sound` if it keeps all limits."""
         self._last, self._begun, self._sound = search, 0.0, sound
-        self._curve = _curve_of(search)
+        self._curve = curve_of(search)
         count = len(self._coarse.nodes)
         self._owners = np.arange(count - self._curve.segments, count)
 
@@ -262,7 +261,7 @@ class PreparedFlight:
                 raise UnsupportedFormulation(
                     f"position must be in the corridor or have a way to the goal, got {show(position)}"
                 )
-            warm, curve = True, _curve_of(search)
+            warm, curve = True, curve_of(search)
         seconds = time.perf_counter() - begin
         count = self._last.evaluations if search is None else search.evaluations
         return Replan(curve, kept or returns, warm, seconds, count, self.model, returns)
@@ -311,7 +310,7 @@ class PreparedFlight:
         piece = min(int(np.searchsorted(self._curve.times, at, "right")), self._curve.segments) - 1
         k = int(self._owners[piece]) - (len(self._coarse.nodes) - search.segments)
         begin = at + self._begun - float(search.durations[:k].sum())
-        return _tail(search, k, float(np.clip(begin / search.durations[k], 0.0, 1.0)), state)
+        return tail_of(search, k, float(np.clip(begin / search.durations[k], 0.0, 1.0)), state)
 
     def _returned(self, state: Floats, at: float, most: float) -> bool:
         """Store the last curve with a correction of its state at a time; return False without one.
@@ -360,47 +359,6 @@ class PreparedFlight:
         self._curve, self._owners = Trajectory(times, powers_between(durations, ends)), owners
         self._begun += skipped
         return True
-
-
-def _curve_of(search: Any) -> Trajectory:
-    """Return the curve of a search, which begins at time 0."""
-    times = np.concatenate([[0.0], np.cumsum(search.durations)])
-    return Trajectory(times, coefficients_of(search, search.jets()[0]))
-
-
-def _tail(search: Any, k: int, share: float, state: Floats) -> Any:
-    """Return the search for the segments from number k, whose first knot has a given state."""
-    task: Task = search.task
-    segments = len(task.nodes)
-    durations = search.durations[k:]
-    left = (1.0 - share) * float(durations[0])
-    if left < SHORTEST * float(durations.mean()):
-        rows = slice(int(task.start[k + 1]), int(task.start[min(k + 2, segments)]))
-        passes = k + 1 < segments and task.first[k + 2] > task.first[k + 1]  # no waypoint
-        if passes and (task.normal[rows] @ state[0] <= task.offset[rows]).all():
-            k, left = k + 1, left + float(durations[1])  # the rest is part of the next segment
-        else:
-            left = SHORTEST * float(durations.mean())
-    first, row = int(task.first[k + 1]), int(task.start[k])
-    jets, free = task.jets[k:].copy(), task.free[k:].copy()
-    jets[0, :3], free[0] = state[: jets.shape[1]], False
-    if jets.shape[1] > 3:
-        jets[0, 3:] = 0.0
-        free[0, 3:] = True
-    kind, centre = task.kind[k:].copy(), task.centre[k:].copy()
-    kind[0], centre[0] = 0, state[0]
-    rest = task._replace(
-        nodes=task.nodes[: segments - k], place=task.place[: segments - k + 1], jets=jets, free=free,
-        kind=kind, first=np.append(0, task.first[k + 1 :] - first), centre=centre,
-        reach=task.reach[first:], start=task.start[k:] - row, order=task.order[row:],
-        normal=task.normal[row:], offset=task.offset[row:], size=task.size[row:],
-    )  # fmt: skip
-    x = np.concatenate([search.x[k:segments], search.x[segments + first :]])
-    x[0] = np.log(left)
-    result = Search(rest, x, search.flag)
-    result.vehicle, result.rows = search.vehicle[k:].copy(), search.rows[row:].copy()
-    result.margins = search.margins[0][k:].copy(), search.margins[1][row:].copy()
-    return result
 
 
 def prepare_flight(model: Flight, **options: Any) -> PreparedFlight:

@@ -168,7 +168,9 @@ def test_an_optimal_path_within_bounds_has_the_certified_shape(backend, segments
             model = bounded_path(seed, segments, even=even)
             certified = ct.solve(model, "interior-point").plan
             try:
-                limits = {} if even else {"time_limit": 3, "backend_options": FEWER.get(backend, {})}
+                limits = (
+                    {} if even else {"time_limit": 3, "backend_options": FEWER.get(backend, {})}
+                )
                 found = ct.solve(model, backend, **limits)
             except UnsupportedFormulation:
                 assert backend == "quadprog"  # singular Hessians
