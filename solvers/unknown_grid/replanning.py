@@ -104,11 +104,12 @@ class Replanning:
     def decide(self, looks: Looks) -> Ints:
         """Replan in all scenes and return the first actions."""
         actions = np.empty(len(looks.scenes), np.int64)
-        plan(
+        arguments: tuple[Any, ...] = (
             looks.scenes - self._first, self.cells(looks.positions), looks.corners,
-            np.ascontiguousarray(looks.view, dtype=np.float64), *self._setting, self.ends, *self._memory, actions,
-            self._flag, *self._search,
+            np.ascontiguousarray(looks.view, dtype=np.float64), *self._setting, self.ends, *self._memory,
+            actions, self._flag, *self._search,
         )  # fmt: skip
+        plan(*arguments)
         if self._flag[0]:
             actions[:] = GIVE_UP
         return actions  # STUCK equals NO_WAY

@@ -54,5 +54,4 @@ def test_the_default_is_no_worse_on_drawn_scenes(law):
 @pytest.mark.parametrize("seed", [200, 201])
 @pytest.mark.parametrize("law", LAWS)
 def test_the_default_is_no_worse_on_all_laws(law, seed):
-    pytest.importorskip("torch", reason="learned policies need PyTorch")
     compare(law, seed, 200, True)
