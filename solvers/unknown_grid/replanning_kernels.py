@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Steps = NDArray[np.int32]
 
-#: Indices in the tally after those of :func:`~.dstar_kernels.repair`, of which the last is `LAST`: number of changed cells, cell of the
+#: Indices in the tally: `LAST` is the last one of :func:`~.dstar_kernels.repair`. Then follow the number of changed cells, cell of the
 #: target or -1, number of decisions, cell of the vehicle if its last step causes no collision, and last action.
 LAST, CHANGED, GOAL, TIME, EXPECTED, ACTION = range(2, 8)
 #: Action that waits.
