@@ -202,9 +202,15 @@ def hunt_states(hunt: Hunt, count: int, period: float = 1.0) -> Floats:
 
 
 def simulate_hunt(
-    hunt: Hunt, count: int = 1000, *, period: float = 1.0, robot: int = 0, axis: int = 0,
-    exponent: float | None = None, name: str = "",
-) -> AttractorAnalysis:  # fmt: skip
+    hunt: Hunt,
+    count: int = 1000,
+    *,
+    period: float = 1.0,
+    robot: int = 0,
+    axis: int = 0,
+    exponent: float | None = None,
+    name: str = "",
+) -> AttractorAnalysis:
     """Return a coordinate of one robot of a hunt over time, as the paper records it.
 
     Parameters

@@ -17,9 +17,18 @@ from ...jit import kernel
 from ...models.fields import Real, Whole
 
 __all__ = [
-    "HENON", "HUNT", "LORENZ", "ROSSLER", "SHARED", "Growth", "Motion", "bounded_steps",
-    "hunt_rates", "largest_exponent", "orbit",
-]  # fmt: skip
+    "HENON",
+    "HUNT",
+    "LORENZ",
+    "ROSSLER",
+    "SHARED",
+    "Growth",
+    "Motion",
+    "bounded_steps",
+    "hunt_rates",
+    "largest_exponent",
+    "orbit",
+]
 
 Floats = NDArray[np.float64]
 
@@ -221,9 +230,14 @@ def _rates(
 
 @kernel
 def _advance(
-    kind: int, constants: Floats, state: Floats, tangent: Floats, step: float, inner: int,
+    kind: int,
+    constants: Floats,
+    state: Floats,
+    tangent: Floats,
+    step: float,
+    inner: int,
     work: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Move a state and a tangent vector by some steps; `work`, shape (6, n), is overwritten."""
     count = len(state)
     for _ in range(inner):
@@ -254,9 +268,14 @@ def _advance(
 
 @kernel(interpretable=True)
 def _orbit(
-    kind: int, constants: Floats, start: Floats, step: float, inner: int, skipped: int,
+    kind: int,
+    constants: Floats,
+    start: Floats,
+    step: float,
+    inner: int,
+    skipped: int,
     states: Floats,
-) -> None:  # fmt: skip
+) -> None:
     """Fill in the states after `skipped` periods, and one period each thereafter."""
     count = len(start)
     state = start.copy()

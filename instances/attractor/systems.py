@@ -113,10 +113,18 @@ _DELAY, _STEP, _TRANSIENT = 17.0, 0.1, 2000.0
 
 
 def generate(
-    system: str, count: int = 2000, *, seed: int = 0, period: float | None = None,
-    noise: float = 0.0, trend: float = 0.0, spikes: float = 0.0, levels: int | None = None,
-    scale: float = 1.0, name: str = "",
-) -> AttractorAnalysis:  # fmt: skip
+    system: str,
+    count: int = 2000,
+    *,
+    seed: int = 0,
+    period: float | None = None,
+    noise: float = 0.0,
+    trend: float = 0.0,
+    spikes: float = 0.0,
+    levels: int | None = None,
+    scale: float = 1.0,
+    name: str = "",
+) -> AttractorAnalysis:
     """Return the series of a known system with its known figures, or a distorted series.
 
     Parameters

@@ -72,9 +72,15 @@ class SceneArrays(NamedTuple):
 
 
 def draw_scenes(
-    law: SceneLaw | str = SceneLaw.WALLS, *, shape: ArrayLike = (17, 17), obstacles: ArrayLike = 3,
-    scenes: int = 400, seed: int = 0, clear: int | None = None, **fields: Any,
-) -> UnknownGridNavigation:  # fmt: skip
+    law: SceneLaw | str = SceneLaw.WALLS,
+    *,
+    shape: ArrayLike = (17, 17),
+    obstacles: ArrayLike = 3,
+    scenes: int = 400,
+    seed: int = 0,
+    clear: int | None = None,
+    **fields: Any,
+) -> UnknownGridNavigation:
     """Return solvable random scenes of a law.
 
     In the law ``"paper"``, start and target are any two cells. In the other laws, their Manhattan distance is at least
@@ -133,9 +139,14 @@ def draw_scenes(
 
 
 def draw_scene_arrays(
-    law: SceneLaw | str, shape: ArrayLike, obstacles: ArrayLike, scenes: int,
-    generator: np.random.Generator, *, clear: int | None = None,
-) -> SceneArrays:  # fmt: skip
+    law: SceneLaw | str,
+    shape: ArrayLike,
+    obstacles: ArrayLike,
+    scenes: int,
+    generator: np.random.Generator,
+    *,
+    clear: int | None = None,
+) -> SceneArrays:
     """Return random scenes of a law as arrays.
 
     Parameters

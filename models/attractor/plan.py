@@ -13,9 +13,15 @@ from ..records import Member
 from .judgement import Evidence, Judgement, SurrogateTest
 
 __all__ = [
-    "AttractorEstimate", "Evidence", "Judgement", "Measures", "Method", "Slope", "Spectrum",
+    "AttractorEstimate",
+    "Evidence",
+    "Judgement",
+    "Measures",
+    "Method",
+    "Slope",
+    "Spectrum",
     "SurrogateTest",
-]  # fmt: skip
+]
 
 
 class Method(StrEnum):

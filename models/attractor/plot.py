@@ -52,10 +52,14 @@ _CLAIM: dict[str, Any] = {"color": kit.RED, "lw": 1.4, "ls": "--"}
 @kit.documented
 @np.errstate(all="ignore")  # overflows become NaN, which is drawn as a gap
 def draw(
-    model: AttractorAnalysis, plan: AttractorEstimate | None = None, *, view: str = "curves",
-    tolerance: float = kit.TOLERANCE, title: str | None = None,
+    model: AttractorAnalysis,
+    plan: AttractorEstimate | None = None,
+    *,
+    view: str = "curves",
+    tolerance: float = kit.TOLERANCE,
+    title: str | None = None,
     size: tuple[float, float] | None = None,
-) -> kit.Figure:  # fmt: skip
+) -> kit.Figure:
     """Draw the series of `model`, and the claims of `plan`.
 
     The series is drawn from its beginning, over the duration that is legible. The attractor has the first

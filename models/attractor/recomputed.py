@@ -13,9 +13,16 @@ from .checks import FEW, WORK, Sample
 from .plan import Measures
 
 __all__ = [
-    "CONSTANT", "DEGENERATE", "PART", "RANK", "SKIPPED", "exponents", "measures", "step_limit",
+    "CONSTANT",
+    "DEGENERATE",
+    "PART",
+    "RANK",
+    "SKIPPED",
+    "exponents",
+    "measures",
+    "step_limit",
     "window_sizes",
-]  # fmt: skip
+]
 
 Floats = NDArray[np.float64]
 

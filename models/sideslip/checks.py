@@ -8,9 +8,12 @@ from numpy.typing import NDArray
 from .data import Recording, Vehicle
 
 __all__ = [
-    "kinematic_differences", "kinematic_error", "kinematic_rate", "linear_contradiction",
+    "kinematic_differences",
+    "kinematic_error",
+    "kinematic_rate",
+    "linear_contradiction",
     "mean_error",
-]  # fmt: skip
+]
 
 Floats = NDArray[np.float64]
 

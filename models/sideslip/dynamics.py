@@ -20,9 +20,18 @@ from .data import GRAVITY, LOW_SPEED, Tyre, Vehicle
 from .model import SideslipEstimation
 
 __all__ = [
-    "LONGEST_STEP", "Linearised", "advance", "axle_force", "congruence", "flow", "linearise",
-    "magic_force", "measured", "parameters", "rates",
-]  # fmt: skip
+    "LONGEST_STEP",
+    "Linearised",
+    "advance",
+    "axle_force",
+    "congruence",
+    "flow",
+    "linearise",
+    "magic_force",
+    "measured",
+    "parameters",
+    "rates",
+]
 
 Floats = NDArray[np.float64]
 Numbers4 = tuple[float, float, float, float]
@@ -211,9 +220,15 @@ def flow(a: float, b: float, c: float, d: float) -> Numbers8:
 
 @kernel
 def advance(
-    beta: float, omega: float, dt: float, u: float, du: float, delta: float, ddelta: float,
+    beta: float,
+    omega: float,
+    dt: float,
+    u: float,
+    du: float,
+    delta: float,
+    ddelta: float,
     p: Floats,
-) -> Numbers6:  # fmt: skip
+) -> Numbers6:
     """Return the noise-free state after `dt`, and its Jacobian by the current state, row by row.
 
     Speed and steering change by `du` and `ddelta` and are interpolated linearly. Each step of at most

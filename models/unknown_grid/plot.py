@@ -41,10 +41,16 @@ class _Run(NamedTuple):
 
 @kit.documented
 def draw(
-    model: UnknownGridNavigation, plan: NavigationRuns | None = None, *, scene: int = 0,
-    moments: Any = 6, others: Mapping[str, Any] | None = None, tolerance: float = kit.TOLERANCE,
-    title: str | None = None, size: tuple[float, float] | None = None,
-) -> kit.Figure:  # fmt: skip
+    model: UnknownGridNavigation,
+    plan: NavigationRuns | None = None,
+    *,
+    scene: int = 0,
+    moments: Any = 6,
+    others: Mapping[str, Any] | None = None,
+    tolerance: float = kit.TOLERANCE,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> kit.Figure:
     """Draw the run of one scene on its true map, and moments of the run with the cells seen so far.
 
     Cells that the UAV has not shown are tinted. A frame marks its view. If a side of the map has more than
@@ -226,9 +232,15 @@ def _keys(runs: Sequence[_Run], main: _Run | None, *, moving: bool, several: boo
 
 @kit.documented
 def animate_run(
-    model: UnknownGridNavigation, plan: NavigationRuns | Any, *, scene: int = 0, frames: int = 120,
-    interval: float = 150.0, title: str | None = None, size: tuple[float, float] | None = None,
-) -> kit.FuncAnimation:  # fmt: skip
+    model: UnknownGridNavigation,
+    plan: NavigationRuns | Any,
+    *,
+    scene: int = 0,
+    frames: int = 120,
+    interval: float = 150.0,
+    title: str | None = None,
+    size: tuple[float, float] | None = None,
+) -> kit.FuncAnimation:
     """Animate the run of one scene: vehicle, UAV, its view, and the cells seen so far.
 
     If a side of the map has more than 60 cells, only the part around the vehicle is shown.

@@ -59,9 +59,13 @@ class _Look(NamedTuple):
 
 
 def render(
-    blocked: Truths, target: Ints, corner: Ints, view: Ints, rendering: Rendering,
+    blocked: Truths,
+    target: Ints,
+    corner: Ints,
+    view: Ints,
+    rendering: Rendering,
     seed: tuple[int, int, int],
-) -> Singles:  # fmt: skip
+) -> Singles:
     """Return the image of a view: red, green and blue from 0 to 1, shape (256, 256, 3).
 
     Cells outside the map `blocked` look like obstacles, and the cell `target` is invisible. `corner` is

@@ -139,9 +139,14 @@ def drawn_radii(
 
 
 def fit_dimension(
-    states: Floats, theiler: int, *, low: float | None = None, high: float | None = None,
-    references: int = MOST, poll: Poll = bool,
-) -> Fit:  # fmt: skip
+    states: Floats,
+    theiler: int,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    references: int = MOST,
+    poll: Poll = bool,
+) -> Fit:
     """Return the correlation dimension of `states`.
 
     The region is the widest plateau of the local slopes. At its smallest radius the states have two
@@ -171,10 +176,14 @@ def fit_dimension(
         return Fit(None, message=NONE.format("there are no pairs within the least radius"))
     shares = counts.counts.sum(axis=0) / (counts.references * len(states))
     statistics: dict[str, Any] = {
-        "low": low, "high": high, "references": counts.references,
-        "share of pairs at low": float(shares[0]), "share of pairs at high": float(shares[-1]),
-        "deviation of the fit": deviation, "spread over regions": spread,
-    }  # fmt: skip
+        "low": low,
+        "high": high,
+        "references": counts.references,
+        "share of pairs at low": float(shares[0]),
+        "share of pairs at high": float(shares[-1]),
+        "deviation of the fit": deviation,
+        "spread over regions": spread,
+    }
     return Fit(Slope(Method.CORRELATION, value, deviation, low, high), statistics)
 
 

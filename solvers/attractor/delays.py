@@ -27,9 +27,17 @@ from .embedding import decorrelation, longest, minimum_of_information
 from .native import EMBEDDING, AttractorBackend, Finding, Poll, embed, poll_of, theiler_window
 
 __all__ = [
-    "Autocorrelation", "CorrelationIntegral", "Curves", "ImprovedCorrelationIntegral",
-    "MutualInformation", "close_pairs", "correlation_sums", "curves", "halves", "longest_delay",
-]  # fmt: skip
+    "Autocorrelation",
+    "CorrelationIntegral",
+    "Curves",
+    "ImprovedCorrelationIntegral",
+    "MutualInformation",
+    "close_pairs",
+    "correlation_sums",
+    "curves",
+    "halves",
+    "longest_delay",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

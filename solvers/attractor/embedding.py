@@ -15,11 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
-    "LARGEST", "autocorrelation", "cao_curves", "cao_dimension", "decorrelation", "false_shares",
-    "first_minimum", "first_zero", "largest_dimension", "longest", "mean_period",
-    "minimum_of_information", "mutual_information", "nearest", "saturated", "standardised",
-    "states_of", "thin_out",
-]  # fmt: skip
+    "LARGEST",
+    "autocorrelation",
+    "cao_curves",
+    "cao_dimension",
+    "decorrelation",
+    "false_shares",
+    "first_minimum",
+    "first_zero",
+    "largest_dimension",
+    "longest",
+    "mean_period",
+    "minimum_of_information",
+    "mutual_information",
+    "nearest",
+    "saturated",
+    "standardised",
+    "states_of",
+    "thin_out",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

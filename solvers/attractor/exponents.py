@@ -62,10 +62,14 @@ class Fit:
 
 
 def scaling_region(
-    curve: Curve, level: float, shortest: int, earliest: int = 0, low: int | None = None,
+    curve: Curve,
+    level: float,
+    shortest: int,
+    earliest: int = 0,
+    low: int | None = None,
     high: int | None = None,
     limits: tuple[float, float, int, float] = (MARGIN, RISE, LEAST, CHANGE),
-) -> tuple[int, Stretches] | None:  # fmt: skip
+) -> tuple[int, Stretches] | None:
     """Return the first step of the search, and the stretches of exponential divergence from there on.
 
     The best is the longest stretch with a steady slope that ends :data:`MARGIN` nats below the level of the

@@ -17,9 +17,13 @@ from .embedding import standardised
 from .native import EMBEDDING, AttractorBackend, Finding, embed, poll_of
 
 __all__ = [
-    "SeriesMeasures", "line_lengths", "memory", "permutation_entropy", "recurrence",
+    "SeriesMeasures",
+    "line_lengths",
+    "memory",
+    "permutation_entropy",
+    "recurrence",
     "sample_entropy",
-]  # fmt: skip
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

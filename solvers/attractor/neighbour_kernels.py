@@ -120,9 +120,14 @@ def nearest_partings(
 
 @kernel(interpretable=True)
 def mean_partings(
-    states: Floats, ordered: Floats, times: Ints, places: Ints, theiler: int, square_radius: float,
+    states: Floats,
+    ordered: Floats,
+    times: Ints,
+    places: Ints,
+    theiler: int,
+    square_radius: float,
     ahead: int,
-) -> tuple[Floats, Ints, int]:  # fmt: skip
+) -> tuple[Floats, Ints, int]:
     """Return the sums of the logarithms of the mean distances from all neighbours over time.
 
     `states` are in the order of time; `ordered`, `times`, `places` and `theiler` are those of

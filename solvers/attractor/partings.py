@@ -99,9 +99,14 @@ class Neighbours:
 
 
 def rosenstein_curve(
-    states: Floats, theiler: int, last: int, high: int, *, references: int = MOST,
+    states: Floats,
+    theiler: int,
+    last: int,
+    high: int,
+    *,
+    references: int = MOST,
     poll: Poll = bool,
-) -> Curve:  # fmt: skip
+) -> Curve:
     """Return the divergence of the states before `last` from their nearest neighbours, 0 … `high` steps ahead.
 
     States, shape (m, d), are in the order of time, with ``last + high <= m``. Those at most `theiler`
@@ -120,9 +125,15 @@ def rosenstein_curve(
 
 
 def kantz_curve(
-    states: Floats, theiler: int, last: int, high: int, *, radius: float, references: int = MOST,
+    states: Floats,
+    theiler: int,
+    last: int,
+    high: int,
+    *,
+    radius: float,
+    references: int = MOST,
     poll: Poll = bool,
-) -> Curve:  # fmt: skip
+) -> Curve:
     """Return the divergence of the states before `last` from all states within `radius`.
 
     The other parameters are those of :func:`rosenstein_curve`.

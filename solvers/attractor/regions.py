@@ -27,9 +27,17 @@ from .native import Embedding
 from .prediction import ROBUST
 
 __all__ = [
-    "REFERENCES", "Stretches", "describe_variants", "line_slopes", "steady_stretches", "variants",
-    "whole_slope", "widened", "widened_dimension", "widened_exponent",
-]  # fmt: skip
+    "REFERENCES",
+    "Stretches",
+    "describe_variants",
+    "line_slopes",
+    "steady_stretches",
+    "variants",
+    "whole_slope",
+    "widened",
+    "widened_dimension",
+    "widened_exponent",
+]
 
 Floats = NDArray[np.float64]
 
@@ -97,9 +105,15 @@ class Stretches:
 
 
 def steady_stretches(
-    x: Floats, y: Floats, *, least: int, rise: float, change: float, from_first: bool = False,
+    x: Floats,
+    y: Floats,
+    *,
+    least: int,
+    rise: float,
+    change: float,
+    from_first: bool = False,
     to_last: bool = False,
-) -> Stretches:  # fmt: skip
+) -> Stretches:
     """Return the stretches of a finite curve with a steady slope, none if no stretch is acceptable.
 
     Each stretch is cut into halves, each fitted by a line. A stretch has at least `least` points, `y`
@@ -175,9 +189,14 @@ def describe_variants(slope: Slope, others: Sequence[float]) -> dict[str, float]
 
 
 def widened(
-    slope: Slope, region: float, others: Sequence[float], *, relative: float, unconfirmed: float,
+    slope: Slope,
+    region: float,
+    others: Sequence[float],
+    *,
+    relative: float,
+    unconfirmed: float,
     absolute: float = 0.0,
-) -> Slope:  # fmt: skip
+) -> Slope:
     """Return the slope with the deviation that includes all parts.
 
     `region` is the spread of the slopes of the acceptable regions, and `others` are the slopes in other
@@ -195,9 +214,14 @@ def widened(
 
 
 def widened_exponent(
-    slope: Slope, region: float, others: Sequence[float], turn: float, duration: float,
-    change: float = 0.0, noise: float = 0.0,
-) -> Slope:  # fmt: skip
+    slope: Slope,
+    region: float,
+    others: Sequence[float],
+    turn: float,
+    duration: float,
+    change: float = 0.0,
+    noise: float = 0.0,
+) -> Slope:
     """Return an exponent with the deviation that includes all parts.
 
     `turn` is the number of samples per turn, `duration` that of the series in seconds, `change` the

@@ -21,8 +21,14 @@ from .native import Embedding, Poll
 from .prediction import ASKED, prediction_error
 
 __all__ = [
-    "RANKING", "Ranks", "match_ends", "normal_scores", "ranks", "statistics", "surrogates_of",
-]  # fmt: skip
+    "RANKING",
+    "Ranks",
+    "match_ends",
+    "normal_scores",
+    "ranks",
+    "statistics",
+    "surrogates_of",
+]
 
 Floats = NDArray[np.float64]
 
@@ -171,9 +177,13 @@ class Ranks:
 
 
 def ranks(
-    series: Floats, embedding: Embedding, options: Mapping[str, Any], seed: int, poll: Poll = bool,
+    series: Floats,
+    embedding: Embedding,
+    options: Mapping[str, Any],
+    seed: int,
+    poll: Poll = bool,
     ahead: int | None = None,
-) -> Ranks:  # fmt: skip
+) -> Ranks:
     """Return the rank of a series among its surrogates by its prediction, by default one delay ahead.
 
     `options` are those of :data:`RANKING`. If the time `ahead` has more than 16 samples, samples are skipped so
@@ -218,7 +228,10 @@ def ranks(
 def statistics(ranking: Ranks) -> dict[str, Any]:
     """Return the statistics of a test."""
     return {
-        "surrogates": ranking.count, "samples compared": ranking.read,
-        "prediction error": ranking.error, "median of the surrogates": ranking.median,
-        "deviations below": ranking.sigmas, "jump at the seam": ranking.jump,
-    }  # fmt: skip
+        "surrogates": ranking.count,
+        "samples compared": ranking.read,
+        "prediction error": ranking.error,
+        "median of the surrogates": ranking.median,
+        "deviations below": ranking.sigmas,
+        "jump at the seam": ranking.jump,
+    }

@@ -25,9 +25,17 @@ from .trainer import Course, Trainer, Training, one_thread
 from .weights import Weights, read_arrays, write_arrays, write_weights
 
 __all__ = [
-    "Course", "Epoch", "Trained", "Trainer", "Training", "checkpoint_path", "find_training",
-    "one_thread", "train", "trainings",
-]  # fmt: skip
+    "Course",
+    "Epoch",
+    "Trained",
+    "Trainer",
+    "Training",
+    "checkpoint_path",
+    "find_training",
+    "one_thread",
+    "train",
+    "trainings",
+]
 
 
 @dataclass(frozen=True)
@@ -143,10 +151,17 @@ def checkpoint_path(path: Path) -> Path:
 
 
 def train(
-    name: str | Training, path: Any, *, examples: Any = None, seed: int = 0,
-    epochs: int | None = None, time_limit: float | None = None, resume: bool = False,
-    on_progress: Callable[[Epoch], None] | None = None, options: Mapping[str, Any] | None = None,
-) -> Trained:  # fmt: skip
+    name: str | Training,
+    path: Any,
+    *,
+    examples: Any = None,
+    seed: int = 0,
+    epochs: int | None = None,
+    time_limit: float | None = None,
+    resume: bool = False,
+    on_progress: Callable[[Epoch], None] | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> Trained:
     """Train, and write the weights of the best epoch to a file.
 
     A checkpoint, ``<file>.checkpoint.npz``, is written after each epoch. With `resume`, training

@@ -13,9 +13,14 @@ from scipy.optimize import minimize_scalar, nnls
 from ...models.sideslip.data import LOW_SPEED, Recording
 
 __all__ = [
-    "KernelRegression", "Scale", "StraightLine", "TrainingSet", "Window", "curve_features",
+    "KernelRegression",
+    "Scale",
+    "StraightLine",
+    "TrainingSet",
+    "Window",
+    "curve_features",
     "training_set",
-]  # fmt: skip
+]
 
 Floats = NDArray[np.float64]
 

@@ -40,9 +40,14 @@ class _Nearest:
     """
 
     def __init__(
-        self, problem: UnknownGridNavigation, scenes: Ints, request: Request, patient: bool,
-        reachable: bool, literal: bool,
-    ) -> None:  # fmt: skip
+        self,
+        problem: UnknownGridNavigation,
+        scenes: Ints,
+        request: Request,
+        patient: bool,
+        reachable: bool,
+        literal: bool,
+    ) -> None:
         self._first = int(scenes[0])
         self._targets = problem.targets[scenes]
         self._rules = (patient, reachable, literal)

@@ -178,9 +178,21 @@ def foresee(
 
 @kernel
 def repair(
-    walls: Bytes, width: int, start: int, target: int, changed: Steps, g: Steps, rhs: Steps,
-    heap: Ints, where: Steps, keys: Ints, tally: Ints, flag: Flag, moves: Ints, sides: int,
-) -> bool:  # fmt: skip
+    walls: Bytes,
+    width: int,
+    start: int,
+    target: int,
+    changed: Steps,
+    g: Steps,
+    rhs: Steps,
+    heap: Ints,
+    where: Steps,
+    keys: Ints,
+    tally: Ints,
+    flag: Flag,
+    moves: Ints,
+    sides: int,
+) -> bool:
     """Update `g` on all shortest paths from the start by D* Lite; return False if `flag` stopped the search.
 
     `walls` is the current map, and `start` the cell of the vehicle. `changed` are the cells blocked or

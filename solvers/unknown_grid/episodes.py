@@ -32,8 +32,12 @@ if TYPE_CHECKING:
     import torch
 
 __all__ = [
-    "EPISODES", "IMITATION", "Episodes", "ImitationTrainer", "lead",
-]  # fmt: skip
+    "EPISODES",
+    "IMITATION",
+    "Episodes",
+    "ImitationTrainer",
+    "lead",
+]
 
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]

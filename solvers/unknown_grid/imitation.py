@@ -19,9 +19,18 @@ if TYPE_CHECKING:
     import torch
 
 __all__ = [
-    "TASKS", "Examples", "Recurrence", "Scenes", "Task", "best_actions", "choose_actions",
-    "draw_scenes", "first_of", "shortest_ways", "walk_through",
-]  # fmt: skip
+    "TASKS",
+    "Examples",
+    "Recurrence",
+    "Scenes",
+    "Task",
+    "best_actions",
+    "choose_actions",
+    "draw_scenes",
+    "first_of",
+    "shortest_ways",
+    "walk_through",
+]
 
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]

@@ -113,9 +113,14 @@ class NavigationBackend(Backend):
         if problem.camera is not None:
             statistics["ms an image"] = 1e3 * run.perceiving / max(run.images, 1)
         return Answer(
-            Termination.FEASIBLE, request.control.limit or limit, plan, None, seconds=seconds,
-            statistics=statistics, message=message,
-        )  # fmt: skip
+            Termination.FEASIBLE,
+            request.control.limit or limit,
+            plan,
+            None,
+            seconds=seconds,
+            statistics=statistics,
+            message=message,
+        )
 
 
 class _Run:

@@ -57,8 +57,13 @@ class Replanning:
     """
 
     def __init__(
-        self, problem: UnknownGridNavigation, scenes: Ints, request: Request, forget: int | None, repairs: bool
-    ) -> None:  # fmt: skip
+        self,
+        problem: UnknownGridNavigation,
+        scenes: Ints,
+        request: Request,
+        forget: int | None,
+        repairs: bool,
+    ) -> None:
         self._first, self._flag, self.repairs = int(scenes[0]), request.control.flag, repairs
         self.width = int(problem.shape[1]) + 2
         count = 8 if problem.connectivity is Connectivity.EIGHT else 4
@@ -72,9 +77,12 @@ class Replanning:
         certain = _LIMIT if moving else np.inf
         rules = np.array([repairs, moving, uncertain, images, -1 if forget is None else forget])
         self._setting: tuple[Any, ...] = (
-            self.width, moves, list(Corners).index(problem.corners), rules,
+            self.width,
+            moves,
+            list(Corners).index(problem.corners),
+            rules,
             np.array([*odds, limit, certain]),
-        )  # fmt: skip
+        )
         known = problem.targets if problem.target_known else problem.starts  # others are hidden
         ends = np.stack([problem.starts[scenes], known[scenes]], axis=1)
         self.ends: Ints = self.cells(ends)
@@ -89,13 +97,20 @@ class Replanning:
         tally[:, GOAL] = self.ends[:, 1] if problem.target_known else -1
         tally[:, ACTION] = WAITS
         self._memory: tuple[Any, ...] = (
-            evidence, self.walls, np.full(shape, -1, np.int32), np.empty(shape, np.int32),
-            np.zeros(shape, np.uint8), tally,
-        )  # fmt: skip
+            evidence,
+            self.walls,
+            np.full(shape, -1, np.int32),
+            np.empty(shape, np.int32),
+            np.zeros(shape, np.uint8),
+            tally,
+        )
         self._search: tuple[Any, ...] = (
-            np.full(kept, FAR, np.int32), np.full(kept, FAR, np.int32), np.empty(kept, np.int64),
-            np.zeros(kept, np.int32), np.empty(kept, np.int64),
-        )  # fmt: skip
+            np.full(kept, FAR, np.int32),
+            np.full(kept, FAR, np.int32),
+            np.empty(kept, np.int64),
+            np.zeros(kept, np.int32),
+            np.empty(kept, np.int64),
+        )
 
     def cells(self, places: Ints) -> Ints:
         """Return the numbers of cells given by row and column, shape (…, 2)."""

@@ -32,8 +32,14 @@ WAITS = 8
 
 @kernel
 def assess(
-    cell: int, value: float, evidence: Floats, walls: Bytes, changed: Steps, marks: Bytes, tally: Ints
-) -> None:  # fmt: skip
+    cell: int,
+    value: float,
+    evidence: Floats,
+    walls: Bytes,
+    changed: Steps,
+    marks: Bytes,
+    tally: Ints,
+) -> None:
     """Store the evidence of a cell, and list the cell if it becomes blocked or free."""
     evidence[cell] = value
     blocked = 1 if value > 0.0 else 0
@@ -47,9 +53,17 @@ def assess(
 
 @kernel
 def note_view(
-    corner: Ints, view: Floats, width: int, weights: Floats, evidence: Floats, walls: Bytes,
-    stamps: Steps, changed: Steps, marks: Bytes, tally: Ints,
-) -> None:  # fmt: skip
+    corner: Ints,
+    view: Floats,
+    width: int,
+    weights: Floats,
+    evidence: Floats,
+    walls: Bytes,
+    stamps: Steps,
+    changed: Steps,
+    marks: Bytes,
+    tally: Ints,
+) -> None:
     """Add the readings of a view to the evidence, and note the target if the view shows it.
 
     `weights` are the evidence of a free and of a blocked reading, and the limit of the evidence. Certain cells stay.
@@ -71,9 +85,16 @@ def note_view(
 
 @kernel
 def expire(
-    forget: int, start: int, target: int, evidence: Floats, walls: Bytes, stamps: Steps,
-    changed: Steps, marks: Bytes, tally: Ints,
-) -> None:  # fmt: skip
+    forget: int,
+    start: int,
+    target: int,
+    evidence: Floats,
+    walls: Bytes,
+    stamps: Steps,
+    changed: Steps,
+    marks: Bytes,
+    tally: Ints,
+) -> None:
     """Forget the cells that were not seen for more than `forget` steps; `start` and `target` stay free."""
     for cell in range(len(stamps)):
         if 0 <= stamps[cell] < tally[TIME] - forget:
@@ -84,10 +105,23 @@ def expire(
 
 @kernel
 def lead(
-    cell: int, walls: Bytes, width: int, moves: Ints, sides: int, repairs: bool, stamps: Steps,
-    changed: Steps, marks: Bytes, tally: Ints, flag: Flag,
-    g: Steps, rhs: Steps, heap: Ints, where: Steps, keys: Ints,
-) -> int:  # fmt: skip
+    cell: int,
+    walls: Bytes,
+    width: int,
+    moves: Ints,
+    sides: int,
+    repairs: bool,
+    stamps: Steps,
+    changed: Steps,
+    marks: Bytes,
+    tally: Ints,
+    flag: Flag,
+    g: Steps,
+    rhs: Steps,
+    heap: Ints,
+    where: Steps,
+    keys: Ints,
+) -> int:
     """Return the first action of a shortest path to the target or to the nearest unseen cell, or :data:`STUCK`."""
     target = tally[GOAL]
     if target >= 0 and walls[target] != 0:  # an obstacle may be on the target
@@ -101,9 +135,21 @@ def lead(
             changed[count] = target
             count += 1
         repair(
-            walls, width, cell, target, changed[:count], g, rhs, heap, where, keys, tally, flag,
-            moves, sides,
-        )  # fmt: skip
+            walls,
+            width,
+            cell,
+            target,
+            changed[:count],
+            g,
+            rhs,
+            heap,
+            where,
+            keys,
+            tally,
+            flag,
+            moves,
+            sides,
+        )
         return int(descend(walls, width, moves, sides, g, cell))
     if target >= 0 and len(moves) == 4:
         return int(
@@ -123,10 +169,30 @@ def lead(
 
 @kernel(interpretable=True, in_place=True)
 def plan(
-    rows: Ints, cells: Ints, corners: Ints, views: Floats, width: int, moves: Ints, sides: int, rules: Ints,
-    weights: Floats, ends: Ints, evidence: Floats, walls: Bytes, stamps: Steps, changed: Steps, marks: Bytes,
-    tally: Ints, actions: Ints, flag: Flag, g: Steps, rhs: Steps, heap: Ints, where: Steps, keys: Ints,
-) -> None:  # fmt: skip
+    rows: Ints,
+    cells: Ints,
+    corners: Ints,
+    views: Floats,
+    width: int,
+    moves: Ints,
+    sides: int,
+    rules: Ints,
+    weights: Floats,
+    ends: Ints,
+    evidence: Floats,
+    walls: Bytes,
+    stamps: Steps,
+    changed: Steps,
+    marks: Bytes,
+    tally: Ints,
+    actions: Ints,
+    flag: Flag,
+    g: Steps,
+    rhs: Steps,
+    heap: Ints,
+    where: Steps,
+    keys: Ints,
+) -> None:
     """Compute the `actions` of several scenes, :data:`STUCK` without a path.
 
     `rows` are the indices of the scenes in `ends` and in the arrays from `evidence` to `tally` and from `g` to `keys`.
@@ -167,13 +233,35 @@ def plan(
                         assess(other, 0.0, known, wall, listed, mark, state)
                 if moving:
                     note_view(
-                        corners[index], views[index], width, weights, known, wall, seen, listed,
-                        mark, state,
-                    )  # fmt: skip
+                        corners[index],
+                        views[index],
+                        width,
+                        weights,
+                        known,
+                        wall,
+                        seen,
+                        listed,
+                        mark,
+                        state,
+                    )
             action = lead(
-                cell, wall, width, allowed, sides, repairs and not straight, seen, listed, mark, state, flag,
-                g[old], rhs[old], heap[old], where[old], keys[old],
-            )  # fmt: skip
+                cell,
+                wall,
+                width,
+                allowed,
+                sides,
+                repairs and not straight,
+                seen,
+                listed,
+                mark,
+                state,
+                flag,
+                g[old],
+                rhs[old],
+                heap[old],
+                where[old],
+                keys[old],
+            )
             if action != STUCK or not uncertain:
                 break
         if action == STUCK and moving:

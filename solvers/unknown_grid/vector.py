@@ -178,9 +178,14 @@ class UnknownGridVectorEnv:
         return instance
 
     def __init__(
-        self, model: UnknownGridNavigation, num_envs: int = 1, scene: int | None = None, *,
-        memory: bool = True, autoreset_mode: str = "NextStep",
-    ) -> None:  # fmt: skip
+        self,
+        model: UnknownGridNavigation,
+        num_envs: int = 1,
+        scene: int | None = None,
+        *,
+        memory: bool = True,
+        autoreset_mode: str = "NextStep",
+    ) -> None:
         from gymnasium.spaces import Discrete
         from gymnasium.vector import AutoresetMode
         from gymnasium.vector.utils import batch_space
