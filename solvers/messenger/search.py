@@ -54,7 +54,7 @@ class TourSearch(TourBackend):
     """Ruin and recreate under annealing, from many starts, then the best tours again; ours.
 
     The best tours are polished by the nonlinear program of their order and turns, which never makes them longer.
-    The bound is that of :class:`.bound.CurvatureBound`, so that the tour comes with a gap.
+    The bound is that of :class:`.bound.CurvatureBound`, and for up to three vehicles the one of :mod:`.pose_bound`.
     """
 
     name = "tour-search"
