@@ -270,7 +270,7 @@ def test_routes_of_equal_lengths_are_ordered_despite_rounding(step):
 def test_arc_flow_agrees_with_enumeration(step):
     """The program with windows, prizes, lower limits at the end, and no separate cycles."""
     refused = feasible = 0
-    for seed in range(0, 80, step):
+    for seed in range(2, 82, step):
         model = rich_model(seed)
         routes = simple_routes(model)
         if model.resources[1:] and model.resources[1].resets and model.lower_limits.any():
