@@ -141,6 +141,10 @@ def fly_to_rims(
         if target in stops:
             continue
         disc = Disc.at(problem, target, flown / speed, WIDE_MARGIN)
+        if math.hypot(disc.x - pose[0], disc.y - pose[1]) <= reach[target]:
+            # At the rim of its disc, a flight to the smaller disc could be long.
+            missed[target], stops[target] = False, flown
+            continue
         leg = shortest_to_disc(pose, disc, speed, r, disc.limit(pose, speed, r), flag)
         if leg is None:
             return None
