@@ -54,7 +54,7 @@ def test_covariance_equals_that_of_curve_fit(formulation, start):
     assert str(estimate).startswith("rate = 1.")
 
 
-@pytest.mark.parametrize("draws", [60, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("draws", [100, pytest.param(200, marks=pytest.mark.slow)])
 def test_two_deviations_cover_the_true_values(draws):
     ocp, residuals = relaxation(measured(0))
     solver = ct.prepare(ocp, intervals=1, degree=6)
