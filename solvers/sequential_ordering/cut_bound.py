@@ -90,7 +90,7 @@ def cut_bound(
             best, kept = bound, usable.copy()
             kept[tails, heads] = bound + reduced < missing * (1.0 + _ROUNDING)
             cuts = cuts[cuts @ result.x < 1.0 + _SLACK]
-        rows = _violated(size, tails, heads, result.x, pairs)
+        rows = _violated(size, tails, heads, result.x, pairs, left)
         if not rows or stale >= _STALE:
             break
         cuts = vstack([cuts, csr_array(np.array(rows, float))], format="csr")
@@ -109,15 +109,18 @@ def _pairs(model: SequentialOrdering) -> list[tuple[int, int, Truths]]:
 
 
 def _violated(
-    size: int, tails: Ints, heads: Ints, values: Floats, pairs: list[tuple[int, int, Truths]]
-) -> list[Truths]:
-    """Return distinct cuts that the values of the arcs violate, as masks of the arcs."""
+    size: int, tails: Ints, heads: Ints, values: Floats, pairs: list[tuple[int, int, Truths]],
+    left: Callable[[], float],
+) -> list[Truths]:  # fmt: skip
+    """Return distinct cuts that the values of the arcs violate, as masks of the arcs; fewer if no time is left."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
     flows = np.rint(values * _UNITS).astype(np.int32)
     found: dict[bytes, Truths] = {}
     for i, j, between in pairs:
+        if left() <= 0.0:
+            break
         within = between[tails] & between[heads]
         open_ = within & (flows > 0)
         graph = csr_array((flows[open_], (tails[open_], heads[open_])), shape=(size, size))

@@ -93,6 +93,18 @@ def test_bounds_by_cuts_are_sound():
     assert cut_bound(model, cost, missing, lambda: 0.0)[0] == 0.0
 
 
+def test_the_separation_of_cuts_stops_at_the_limit(monkeypatch):
+    import scipy.sparse.csgraph
+
+    flows, flow = [], scipy.sparse.csgraph.maximum_flow
+    monkeypatch.setattr(
+        scipy.sparse.csgraph, "maximum_flow", lambda *data: flows.append(1) or flow(*data)
+    )
+    model, left = SequentialOrdering(np.ones((6, 6))), iter([99.0, 99.0, 99.0])
+    cut_bound(model, costs_of(model), model.missing, lambda: next(left, 0.0))
+    assert len(flows) == 2
+
+
 def test_programs_equal_enumeration():
     solvable = 0
     for seed in range(24):
