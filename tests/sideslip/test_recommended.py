@@ -1,8 +1,16 @@
 """The recommended estimator is not clearly worse than any other one."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from sideslip.recommended import CATALOGUE, drawn, errors_of
+
+from crosstrack.instances.sideslip.generator import generate
+from crosstrack.solvers.contract.selection import recommended
+
+MEASURED = Path(__file__).parents[2] / "docs" / "measured" / "sideslip.json"
 
 #: Largest ratio of the error to the smallest one. Kinematics shows biases and low friction only beyond the thresholds of the
 #: rule. Below them ``unscented-filter`` is better, but up to 2.6 times worse if the model is right. If the vehicle is wrong, one
@@ -40,3 +48,12 @@ def test_the_default_is_near_the_best_on_the_catalogue(name):
 def test_the_default_is_near_the_best_on_drawn_drives(seeds):
     ratios = [ratio_of(drawn(seed)[1]) for seed in seeds]
     assert max(ratios) < DRAWN and np.exp(np.log(ratios).mean()) < MEAN
+
+
+@pytest.mark.parametrize("name", ["biased", "lane-change-mismatch"])
+def test_the_table_of_the_rule_states_the_present_choice(name):
+    label = name.replace("-mismatch", ", vehicle wrong by 30 %")
+    rows = {row[0]: row for row in json.loads(MEASURED.read_text())["rule"]["rows"]}
+    fields = CATALOGUE[name]
+    bare = generate(**{**fields, "drivers": 0})
+    assert rows[label][3:5] == [recommended(generate(**fields)).name, recommended(bare).name]
