@@ -31,6 +31,9 @@ def hypervolume(values: Floats, reference: Floats) -> float:
     padding = max(3 - len(reference), 0)
     rows = np.pad(values[(values < reference).all(axis=1)], ((0, 0), (padding, 0)))
     reference = np.pad(reference, (padding, 0), constant_values=1.0)
+    # Powers of two as units keep the products of lengths finite without rounding.
+    exponents = 1 + np.frexp((0.5 * reference - 0.5 * rows).max(axis=0, initial=0.0))[1]
+    rows, reference = np.ldexp(rows, -exponents), np.ldexp(reference, -exponents)
     rows = rows[rows[:, -1].argsort()]
     edges = [np.unique(column) for column in rows[:, :-2].T]
     places = [np.searchsorted(*pair) for pair in zip(edges, rows[:, :-2].T, strict=True)]
@@ -44,4 +47,5 @@ def hypervolume(values: Floats, reference: Floats) -> float:
         base += float(((heights[beyond] - lower) * cells[beyond]).sum())
         heights[beyond] = lower
         total += base * thickness
-    return total
+    with np.errstate(over="ignore"):
+        return float(np.ldexp(total, exponents.sum()))

@@ -146,3 +146,10 @@ def test_the_archive_keeps_the_largest_volume():
             assert archive.volume <= hypervolume(rows, reference) * (1 + 1e-12)
             assert archive.compromise().tolist() in archive.x.tolist()
         assert archive.volume > 0.9 * hypervolume(rows, reference)
+
+
+def test_the_hypervolume_of_extreme_units_is_finite():
+    """Products of two lengths overflow before the product of all is 1."""
+    sizes = np.array([1e200, 1e200, 1e-200, 1e-200])
+    assert hypervolume(-sizes[None], np.zeros(4)) == pytest.approx(1.0, rel=1e-12)
+    assert hypervolume(np.array([[-1e300, -1e300, 0.0], [0.0, 0.0, -1e307]]), np.ones(3)) == np.inf
