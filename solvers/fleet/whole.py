@@ -217,7 +217,17 @@ def whole_loads(model: FleetRouting, largest: int) -> tuple[Ints, Ints, Ints, In
     whole, limits = np.zeros(loads.shape, np.int64), np.zeros(capacity.shape, np.int64)
     for column in range(capacity.shape[1]):
         total = float(loads[:, column].sum())
-        scale = _decimal_scale(loads[:, column], total) or largest / max(total, 1e-290)
+        # Loads without few decimals may be multiples of the least one, such as thirds.
+        least = float(loads[:, column].min(initial=np.inf, where=loads[:, column] > 0))
+        unit = 1.0 if math.isinf(least) else max(least, 1e-290)
+        multiple = _decimal_scale(loads[:, column] / unit, total / unit)
+        scale = _decimal_scale(loads[:, column], total) or (
+            multiple / unit if multiple else largest / max(total, 1e-290)
+        )
         whole[:, column] = round_up(loads[:, column], scale)
-        limits[:, column] = round_down(np.minimum(capacity[:, column], total), scale)
+        # The sum of the rounded loads may exceed the rounded total.
+        has_room = capacity[:, column] >= total * (1.0 - NOISE)
+        limits[:, column] = np.where(
+            has_room, whole[:, column].sum(), round_down(capacity[:, column], scale)
+        )
     return whole[:size], whole[size : 2 * size], whole[2 * size :], limits

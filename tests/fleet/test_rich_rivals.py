@@ -225,6 +225,22 @@ def test_whole_numbers_are_conservative(seed: int) -> None:
                 assert (model.demands[nodes].sum(axis=0) <= model.capacity[k] * (1 + 1e-9)).all()
 
 
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e7])
+@pytest.mark.parametrize(
+    ("loads", "capacity"),
+    [([1 / 3] * 3, 1.0), ([0.51234567891, 0.3, 0.2], 1.2), ([2**0.5, 3**0.5, 5**0.5], 5.383)],
+)
+def test_loads_that_fit_exactly_or_into_one_vehicle_fit_after_rounding(
+    loads: list[float], capacity: float, scale: float
+) -> None:
+    model = FleetRouting(
+        1, points=SQUARE, objective="sum", demands=np.array([0.0, *loads]) * scale,
+        capacity=[capacity * scale],
+    )  # fmt: skip
+    demands, _, _, limits = whole_loads(model, 10**7)
+    assert demands.sum() <= limits[0, 0]
+
+
 def test_a_limit_keeps_the_kinds_of_vehicles() -> None:
     need("pyvrp")
     model = FleetRouting(
