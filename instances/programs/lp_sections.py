@@ -185,15 +185,19 @@ class LpScan(Scan):
                 real(number)
             if name:
                 self.usable(name)
-                joined = self.text[self.at : self.at + 1] in (b"+", b"-")
-                require(
-                    not joined,
-                    f"Gurobi adds a sign without a blank before it to the name {words(name)}: add a blank",
-                )
+                self.ended(name)
                 if name in seen:
                     raise Unread(f"column {words(name)} occurs twice: add the coefficients")
                 seen.add(name)
         self.columns |= seen
+
+    def ended(self, name: bytes) -> None:
+        """Refuse a sign directly after a name."""
+        joined = self.text[self.at : self.at + 1] in (b"+", b"-")
+        require(
+            not joined,
+            f"Gurobi adds a sign without a blank before it to the name {words(name)}: add a blank",
+        )
 
     def bracket(self) -> None:
         seen: set[frozenset[bytes]] = set()
@@ -203,6 +207,8 @@ class LpScan(Scan):
             require(signs.strip() or not seen, "expected a sign between quadratic terms")
             pair = frozenset((left, right or left))
             self.usable(*pair)
+            if right:
+                self.ended(right)
             if number:
                 real(number)
             require(pair not in seen, f"a product of {words(left)} occurs twice: add them")

@@ -108,7 +108,9 @@ def test_mutated_files_are_refused_or_equal_a_second_reader(
             refused += f"program.{suffix}" in str(error)
             continue
         accepted += 1
-        assert program == second_readers.of_gurobi(tmp_path / f"program.{suffix}"), text
+        # Gurobi reads coefficients from 1e100 on as infinite.
+        if "1e308" not in text:
+            assert program == second_readers.of_gurobi(tmp_path / f"program.{suffix}"), text
     # Each message names the file.
     assert accepted + refused == count
     assert min(accepted, refused) > count / 20
@@ -151,6 +153,8 @@ def test_quadratic_objectives_have_the_documented_meaning(in_process, tmp_path):
     x, y, z = 1.0, -2.0, 2.5
     expected = x + 2 * y + (4 * x**2 + 2 * x * y + 3 * y**2 - x * z + 5 * z**2) / 2
     assert program.objective(np.array([x, y, z])) == pytest.approx(expected)
+    with pytest.raises(InvalidData, match="to the name y: add a blank"):  # Gurobi reads "y+"
+        load(tmp_path, "lp", changed(QUADRATIC_LP, "x * y +", "x * y+"))
     nonconvex = QUADRATIC_LP.replace("4 x ^ 2", "- 4 x ^ 2")
     with pytest.raises(InvalidData, match=r"program\.lp: hessian"):
         load(tmp_path, "lp", nonconvex)
@@ -268,7 +272,7 @@ def damaged(suffix, base, *pairs):
             (" x + v = 3", " x + v + x = 3", "column x occurs twice"),
             (" x + v = 3", " first: x + v = 3", "row first is defined twice"),
             (" x + v = 3", " x + - v = 3", "expected a term such as"),
-            (" x + v = 3", " x- - v = 3", "expected a term such as"),
+            (" x + v = 3", " x- - v = 3", "to the name x: add a blank"),
             (" x + v = 3", " x + v = nan", "expected <=, >= or ="),
             (" x + v = 3", " x + 2v = 3", "expected a term such as"),
             (" x + v = 3", " x + info = 3", "'info' is a keyword or a number for HiGHS"),
