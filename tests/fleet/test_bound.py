@@ -17,7 +17,7 @@ from scipy.sparse import csgraph, csr_array
 from crosstrack.instances.fleet import read_tsplib
 from crosstrack.models import FleetRouting
 from crosstrack.solvers.fleet import bound
-from crosstrack.solvers.fleet.bound import _Proof, _spread, lower_bound, spanning_tree
+from crosstrack.solvers.fleet.bound import _paths, _Proof, _spread, lower_bound, spanning_tree
 
 GO = np.zeros(1, np.int8)
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "tsplib"
@@ -223,6 +223,13 @@ def test_bounds_that_are_optima(name: str) -> None:
     found = lower_bound(model, GO)
     assert found <= known
     assert found == pytest.approx(known, rel=2e-9)
+
+
+def test_paths_follow_the_direction_of_arcs() -> None:
+    table = np.random.default_rng(3).random((12, 12))
+    table[:, 0] = 0.0  # no arc leads back to the first node
+    lengths = _paths(table[0, 1:], table[1:, 1:])
+    assert lengths == pytest.approx(csgraph.dijkstra(table, indices=0)[1:], rel=1e-12)
 
 
 @pytest.mark.parametrize("objective", ["max", "sum"])
