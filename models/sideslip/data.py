@@ -149,10 +149,10 @@ class Recording(Declared):
         True sideslip angle in radians. Required for training drives, None for a drive to estimate.
     wheel_speeds : ndarray, shape (n, 4), optional
         Rim speeds of the wheels (angular speed times radius) in metres per second: front left, front right, rear
-        left and rear right. ``kalman-grnn`` uses them if all drives have them.
+        left and rear right. ``kalman-grnn`` and ``smoother-grnn`` use them if all drives have them.
     longitudinal_acceleration : ndarray, shape (n,), optional
-        Measured acceleration along the forward axis, in metres per second squared. ``kalman-grnn`` uses it if all drives have
-        it; otherwise the forward acceleration follows from the speed.
+        Measured acceleration along the forward axis, in metres per second squared. ``kalman-grnn`` and ``smoother-grnn``
+        use it if all drives have it; otherwise the forward acceleration follows from the speed.
     """
 
     times: FloatArray = declared(Times(("n",), unit="s"))
