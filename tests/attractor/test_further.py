@@ -155,16 +155,16 @@ def test_wild_series_are_refused(series, message):
         AttractorAnalysis(series)
 
 
-@pytest.mark.parametrize("scale", [1e-100, 1.0, 1e100])
 @pytest.mark.parametrize("name", BACKENDS)
-def test_scales(name, scale):
-    model = AttractorAnalysis(scale * henon(250))
-    found = ct.solve(model, name, seed=1)
-    assert found.verification.ok
+def test_scales(name):
     plain = ct.solve(AttractorAnalysis(henon(250)), name, seed=1)
-    assert (found.plan.delay, found.plan.dimension) == (plain.plan.delay, plain.plan.dimension)
-    if plain.plan.largest_exponent is not None:
-        assert found.plan.largest_exponent == pytest.approx(plain.plan.largest_exponent, rel=1e-6)
+    for scale in (1e-100, 1e100):
+        found = ct.solve(AttractorAnalysis(scale * henon(250)), name, seed=1)
+        assert found.verification.ok
+        assert (found.plan.delay, found.plan.dimension) == (plain.plan.delay, plain.plan.dimension)
+        largest = plain.plan.largest_exponent
+        if largest is not None:
+            assert found.plan.largest_exponent == pytest.approx(largest, rel=1e-6)
 
 
 def wild():
