@@ -169,8 +169,7 @@ def test_an_inertia_error_is_a_share_or_a_matrix(reserved):
     assert np.abs(share.quaternion_errors[:, 2]).max() < 1e-6
 
 
-@pytest.mark.parametrize("size", [0.01, 1.0])
-@pytest.mark.parametrize("waves", [False, True])
+@pytest.mark.parametrize(("size", "waves"), [(0.01, True), (1.0, False)])
 def test_knowing_the_disturbance_helps(reserved, size, waves):
     push = size * np.array([1.0, 0.5, -0.5])
     outer = (lambda t: push * np.sin([t, 2 * t, 3 * t])) if waves else push
