@@ -48,7 +48,9 @@ def solved(model, **options):
 # -- tours ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("first", range(0, 2000, 500))
+@pytest.mark.parametrize(
+    "first", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (500, 1000, 1500))]
+)
 def test_two_thousand_tours_equal_enumeration(first):
     for seed in range(first, first + 500):
         model = random_tour(seed)

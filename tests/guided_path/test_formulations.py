@@ -22,6 +22,11 @@ NAMES = ("sweeps", "arcs")
 PLAIN = ("integers", "ties", "signed", "far", "nowhere")
 
 
+def some(few, count):
+    """Return `count` seeds, of which the first `few` are fast."""
+    return [*range(few), *(pytest.param(k, marks=pytest.mark.slow) for k in range(few, count))]
+
+
 def walk(model, order):
     """Return the ends of the alternating sweeps along an order."""
     x = model.coordinates.tolist()
@@ -45,7 +50,7 @@ def settled(answer, value):
 # -- what is known of all tours ------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(120))
+@pytest.mark.parametrize("seed", some(30, 120))
 def test_crossings_and_turns_hold_for_all_shortest_tours(seed):
     model = reduced(random_tour(seed, most=7))[0]
     gaps, orders = Gaps(model), extensions(model)
@@ -164,7 +169,7 @@ def test_a_plan_that_turns_more_often():
 # -- against enumeration -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", some(12, 40))
 @pytest.mark.parametrize("name", NAMES)
 def test_highs_equals_enumeration(seed, name):
     model = random_tour(seed)
