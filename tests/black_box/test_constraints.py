@@ -38,7 +38,7 @@ def test_published_problems_are_solved_within_one_per_cent(problem, name, budget
 
 
 @pytest.mark.parametrize("name", EVERY)
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
 def test_every_search_keeps_inequalities_of_any_scale(name, scale):
     """Minimum of the sum over a disc in a corner: all answers verify, and most are close."""
 

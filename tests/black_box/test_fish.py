@@ -154,12 +154,12 @@ def test_one_fish_and_a_warm_start(backend: type[FishSwarm]) -> None:
 
 @swarms
 def test_edges_of_the_options(backend: type[FishSwarm]) -> None:
-    model = BlackBoxMinimisation("sphere", [[-1, 2]] * 2, budget=120)
+    model = BlackBoxMinimisation("sphere", [[-1, 2]] * 2, budget=60)
     for options in (
         {"visual": 0.0}, {"step": 0.0}, {"crowd": 0.0}, {"tries": 1}, {"fish": 1, "tries": 1000},
         {"visual": 1.0, "step": 1.0, "crowd": 1.0},
     ):  # fmt: skip
-        assert answer(model, backend, **options).statistics["evaluations"] == 120
+        assert answer(model, backend, **options).statistics["evaluations"] == 60
     for wrong in (
         {"fish": 0},
         {"visual": 1.5},

@@ -433,7 +433,7 @@ def test_the_shares_of_the_stages_increase_to_all_evaluations(d, evaluations):
     assert not last.most and last.requires == ("scipy",)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(
     d=st.integers(1, 4),
     budget=st.integers(3, 120),
