@@ -25,9 +25,10 @@ def true_values(names, **others):
     return np.array([{**VEHICLE.data(), **others}[name] for name in names])
 
 
-def test_two_deviations_cover_the_truth():
+@pytest.mark.parametrize("count", [30, pytest.param(100, marks=pytest.mark.slow)])
+def test_two_deviations_cover_the_truth(count):
     inside = []
-    for seed in range(100):
+    for seed in range(count):
         model = simulated(seed, n=400)  # by matrix exponentials
         drive = dataclasses.replace(model.recording, sideslip=model.truth)
         wrong = {name: getattr(model.vehicle, name) * WRONG[name] for name in STIFF}
@@ -151,7 +152,7 @@ def test_bad_arguments_are_refused(names, options, message):
         identify(drives(count=1), names, **options)
 
 
-@pytest.mark.parametrize("size", [1e-6, 1e-3, 1e3, 1e6])
+@pytest.mark.parametrize("size", [1e-6, 1e-3, pytest.param(1e3, marks=pytest.mark.slow), 1e6])
 def test_a_start_far_from_the_truth_is_left(size):
     model = simulated(0, n=400)
     drive = dataclasses.replace(model.recording, sideslip=model.truth)
@@ -167,9 +168,10 @@ def test_a_start_far_from_the_truth_is_left(size):
     assert np.isfinite(result.values).all() and np.isfinite(result.covariance).all()
 
 
-def test_a_wrong_minimum_is_left():
+@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(2, 4), marks=pytest.mark.slow)])
+def test_a_wrong_minimum_is_left(seeds):
     wrong = {"cornering_front": 0.01, "cornering_rear": 100, "yaw_inertia": 0.1, "friction": 0.05}
-    for seed in range(4):
+    for seed in seeds:
         model = drives(seed, 2, samples=200, tyre="saturating", friction=0.8, mismatch=wrong)
         result = identify(model)
         error = np.abs(result.values - true_values(result.names, friction=0.8))
