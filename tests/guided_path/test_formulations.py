@@ -23,7 +23,7 @@ PLAIN = ("integers", "ties", "signed", "far", "nowhere")
 
 
 def some(few, count):
-    """Return `count` seeds, of which the first `few` are fast."""
+    """Return `count` seeds, and mark all after the first `few` as slow."""
     return [*range(few), *(pytest.param(k, marks=pytest.mark.slow) for k in range(few, count))]
 
 

@@ -293,7 +293,10 @@ def spiked(model, field, size, first, count=1):
     )
 
 
-@pytest.mark.parametrize("instance", ["lane-change", "serpentine", "limit", "stop-and-go", "ice"])
+@pytest.mark.parametrize(
+    "instance",
+    ["lane-change", "limit", "ice", *(pytest.param(one, marks=pytest.mark.slow) for one in ("serpentine", "stop-and-go"))],
+)  # fmt: skip
 def test_a_spike_is_treated_as_missing(instance):
     model = ct.load(f"sideslip/{instance}")
     moving = np.flatnonzero(model.recording.moving)

@@ -96,7 +96,7 @@ def test_policies_refuse_aspects_by_name():
     assert CurrentView().refuses(search) == "an unknown target" and not DStarLite().refuses(search)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     model=models(most=9, steps=60, uav="follow"), fields=rules(),
     sensing=st.sampled_from(

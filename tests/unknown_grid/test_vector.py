@@ -62,7 +62,7 @@ def compare(model, size, mode, actions, seed, **fields):
     assert_equal(env.reset(options={"scene": 0}), loop.reset(options={"scene": 0}))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     model=models(scenes=3), size=st.integers(1, 5), mode=st.sampled_from(["NextStep", "SameStep"]),
     actions=st.lists(st.lists(st.integers(0, 3), min_size=5, max_size=5), max_size=30),
