@@ -78,12 +78,13 @@ def known(draw, *, whole, free):
 # Safe and rational bounds.
 
 
+@pytest.mark.parametrize("count", [40, pytest.param(125, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("whole", [True, False])
 @pytest.mark.parametrize("free", [False, True])
-def test_bounds_of_noisy_multipliers_are_below_the_optimum_and_near_it(whole, free):
+def test_bounds_of_noisy_multipliers_are_below_the_optimum_and_near_it(whole, free, count):
     draw = np.random.default_rng(11 + 2 * whole + free)
     counts = Counter()
-    for _ in range(125):
+    for _ in range(count):
         program, x, y, optimum = known(draw, whole=whole, free=free)
         noise = 10.0 ** draw.integers(-15, -8) * draw.standard_normal(y.size)
         duals = y + np.where(y != 0, noise, 0.0)
@@ -95,8 +96,8 @@ def test_bounds_of_noisy_multipliers_are_below_the_optimum_and_near_it(whole, fr
         counts["rational"] += rational is not None and rational == optimum
         counts["either"] += safe >= optimum - near or rational == optimum
     # Free columns in excess of the rows need multipliers that are exact.
-    assert counts["safe"] >= (60 if free else 115), counts
-    assert counts["either"] >= 122, counts
+    assert counts["safe"] >= (0.48 if free else 0.92) * count, counts
+    assert counts["either"] >= 0.976 * count, counts
 
 
 def test_the_plain_bound_is_the_exact_one_rounded_down():

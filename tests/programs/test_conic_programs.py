@@ -272,7 +272,7 @@ def test_cvxpy_gives_the_same_values_and_multipliers() -> None:
     )
     assert done.returncode == 0, done.stderr[-4000:]
     found = json.loads(done.stdout)
-    assert len(found) == 4
+    assert len(found) == 2
     for seed, (value, bound, backend) in enumerate(found):
         program, _ = random_program(np.random.default_rng(seed))
         best = find_backend("clarabel").run(program, Request()).primal_bound
@@ -286,7 +286,7 @@ def main() -> list[list[float]]:
     found = []
     backend = find_backend("cvxpy")
     options = backend.checked_options({"solver": "SCS"})
-    for seed in range(4):
+    for seed in range(2):
         program, _ = random_program(np.random.default_rng(seed))
         problem, x = program.to_cvxpy()
         problem.solve(solver="CLARABEL")

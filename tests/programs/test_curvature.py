@@ -37,10 +37,11 @@ def drawn(draw):
     return program, hessian, rows
 
 
-def test_directions_found_decrease_and_clear_ones_are_found():
+@pytest.mark.parametrize("count", [75, pytest.param(300, marks=pytest.mark.slow)])
+def test_directions_found_decrease_and_clear_ones_are_found(count):
     draw = np.random.default_rng(1)
     missed = 0
-    for _ in range(300):
+    for _ in range(count):
         program, hessian, rows = drawn(draw)
         n, m = program.size, len(rows)
         found = descent_by_curvature(program, np.zeros(n), np.zeros(m))
@@ -88,7 +89,7 @@ def test_a_symmetric_guess_is_no_trap():
     assert found.statistics["saddle points left"] == 1
 
 
-@pytest.mark.parametrize("name", ["brockett", "unicycle"])
+@pytest.mark.parametrize("name", ["brockett", pytest.param("unicycle", marks=pytest.mark.slow)])
 def test_a_guess_that_leads_nowhere_is_followed_by_others(name):
     found = ct.solve(ct.load(f"optimal-control/{name}"))
     assert found.termination == "locally_optimal"

@@ -344,8 +344,9 @@ def mutated(data, draw):
     return found
 
 
+@pytest.mark.parametrize("count", [50, pytest.param(150, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("which", range(4))
-def test_mutated_graphs_are_read_or_refused(which):
+def test_mutated_graphs_are_read_or_refused(which, count):
     arguments, found = structural()
     x = casadi.SX.sym("x", 3)
     scalar = casadi.Function("f", [x], [casadi.sin(x) @ x.T, casadi.fmax(x, 0.5)])
@@ -359,7 +360,7 @@ def test_mutated_graphs_are_read_or_refused(which):
     )
     draw = random.Random(which)
     refused = 0
-    for _ in range(150):
+    for _ in range(count):
         try:
             function = read(json.loads(json.dumps(mutated(data, draw))))
             point = [casadi.DM.ones(function.sparsity_in(k)) for k in range(function.n_in())]
@@ -367,4 +368,4 @@ def test_mutated_graphs_are_read_or_refused(which):
             readable(function)
         except InvalidData:
             refused += 1
-    assert refused > 40
+    assert refused > 0.27 * count

@@ -36,6 +36,8 @@ BACKENDS = (*EXPECTED, *OPTIONAL)
 #: Backends whose libraries can be loaded in one process.
 GROUPS = (("highs", "scipy"), ("ortools", "cp-sat"), ("scip", "gurobi"), ("cvxpy",))
 RANDOM = 60
+#: Each so many cases by SCIP through CVXPY, and random programs.
+FEW = 4
 
 #: The cases that a backend does not take although it declares their features, and why.
 UNSUPPORTED = {
@@ -51,19 +53,20 @@ UNSUPPORTED = {
 
 
 @functools.cache
-def _answers(*names: str) -> dict[str, Any]:
-    found: dict[str, Any] = elsewhere(__file__, "all", *names)
+def _answers(every: int, *names: str) -> dict[str, Any]:
+    found: dict[str, Any] = elsewhere(__file__, str(every), *names)
     return found
 
 
-def answers(name: str) -> dict[str, Any]:
+def answers(name: str, every: int = FEW) -> dict[str, Any]:
     """Return what `name` makes of the suite and of random programs, in one process per group."""
-    found: dict[str, Any] = _answers(*next(group for group in GROUPS if name in group))[name]
+    group = next(group for group in GROUPS if name in group)
+    found: dict[str, Any] = _answers(every, *group)[name]
     return found
 
 
-def results(name: str, which: str = "conformance") -> tuple[CaseResult, ...]:
-    return tuple(CaseResult.from_dict(data) for data in answers(name)[which])
+def results(name: str, which: str = "conformance", every: int = FEW) -> tuple[CaseResult, ...]:
+    return tuple(CaseResult.from_dict(data) for data in answers(name, every)[which])
 
 
 def installed(name: str) -> None:
@@ -71,6 +74,9 @@ def installed(name: str) -> None:
     if missing and name in OPTIONAL:
         pytest.skip(f"{name} needs {', '.join(missing)}")
     assert not missing, f"{name} is expected here, but {', '.join(missing)} is not installed"
+
+
+parts = pytest.mark.parametrize("every", [FEW, pytest.param(1, marks=pytest.mark.slow)])
 
 
 @pytest.mark.parametrize("name", BACKENDS)
@@ -88,22 +94,25 @@ def test_conformance(name: str) -> None:
     assert sum(r.status is Status.PASS for r in found) >= 30
 
 
-def test_cvxpy_reaches_scip() -> None:
+@parts
+def test_cvxpy_reaches_scip(every: int) -> None:
     installed("cvxpy")
-    matrix = Matrix.of(results("cvxpy", "scip"))
+    matrix = Matrix.of(results("cvxpy", "scip", every))
     # CVXPY's duals from SCIP are unreliable, so none are returned; it also has no callbacks.
     known = ("declares duals, returned none", "reported no incumbents")
     failures = [r for r in matrix.failures if r.reason not in known]
     assert not failures, f"\n{matrix}"
 
 
+@parts
 @pytest.mark.parametrize("name", BACKENDS[1:])
-def test_agrees_with_highs_on_random_programs(name: str) -> None:
+def test_agrees_with_highs_on_random_programs(name: str, every: int) -> None:
     installed(name)
-    if name in OPTIONAL and "random" not in answers(name):
+    if name in OPTIONAL and "random" not in answers(name, every):
         pytest.skip(f"{name} has no valid licence here")
-    mine, others = answers("highs")["random"], answers(name)["random"]
-    assert len(others) >= (RANDOM // 10 if name == "cp-sat" else RANDOM)
+    mine, others = (answers(one, every)["random"] for one in ("highs", name))
+    count = RANDOM // every
+    assert len(others) >= (count // 10 if name == "cp-sat" else count)
     for seed, (termination, primal, dual, ok) in others.items():
         assert ok, f"program {seed}: the point fails verification"
         assert termination == mine[seed][0], f"program {seed}"
@@ -121,7 +130,9 @@ def test_a_false_claim_is_detected() -> None:
     [
         ("import highspy", "from ortools.math_opt.python import mathopt"),
         ("from ortools.math_opt.python import mathopt", "import highspy"),
-        ("import cvxpy", "from ortools.sat.python import cp_model"),
+        pytest.param(
+            "import cvxpy", "from ortools.sat.python import cp_model", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_the_conflict_group_is_still_real(first: str, second: str) -> None:
@@ -236,9 +247,9 @@ def liar(lie: Callable[[MixedIntegerProgram, Request, Answer], Answer]) -> Backe
     return Liar()
 
 
-def random_programs() -> Iterator[MixedIntegerProgram]:
+def random_programs(count: int) -> Iterator[MixedIntegerProgram]:
     """Yield small programs of every kind; ranges, equalities, infinite bounds, decimals."""
-    for seed in range(RANDOM):
+    for seed in range(count):
         draw = np.random.default_rng(seed)
         size, rows = int(draw.integers(1, 7)), int(draw.integers(0, 6))
         matrix = draw.integers(-5, 6, (rows, size)) * (draw.random((rows, size)) < 0.7)
@@ -266,11 +277,11 @@ def random_programs() -> Iterator[MixedIntegerProgram]:
         )
 
 
-def _random(name: str) -> dict[str, list[Any]]:
+def _random(name: str, count: int) -> dict[str, list[Any]]:
     backend = find_backend(name)
     options = backend.checked_options({})
     found = {}
-    for seed, asked in enumerate(random_programs()):
+    for seed, asked in enumerate(random_programs(count)):
         try:
             answer = backend.run(asked, Request(time_limit=30.0, options=options))
         except UnsupportedFormulation:
@@ -292,18 +303,17 @@ def _too_large() -> str | None:
     return None
 
 
-def main(task: str, *names: str) -> Any:
-    assert task == "all"
-    return {name: _results(name) for name in names if not find_backend(name).missing()}
+def main(every: str, *names: str) -> Any:
+    return {name: _results(name, int(every)) for name in names if not find_backend(name).missing()}
 
 
-def _results(name: str) -> dict[str, Any]:
+def _results(name: str, every: int) -> dict[str, Any]:
     backend = find_backend(name)
     found: dict[str, Any] = {"conformance": _suite(backend, {})}
     if not any("licence" in one["reason"] for one in found["conformance"]):
-        found["random"] = _random(name)
+        found["random"] = _random(name, RANDOM // every)
     if name == "cvxpy":
-        found["scip"] = _suite(backend, {"solver": "SCIP"})
+        found["scip"] = _suite(backend, {"solver": "SCIP"}, every)
     if name == "highs":
         lies = LIES.items()
         found["liars"] = {lie: run_case(liar(how), case).status for lie, (case, how) in lies}
@@ -312,9 +322,9 @@ def _results(name: str) -> dict[str, Any]:
     return found
 
 
-def _suite(backend: Backend, options: dict[str, Any]) -> list[dict[str, Any]]:
+def _suite(backend: Backend, options: dict[str, Any], every: int = 1) -> list[dict[str, Any]]:
     cases = [case for case in cases_for(backend) if not case.startswith("quadratic")]
-    return [run_case(backend, case, options).to_dict() for case in cases]
+    return [run_case(backend, case, options).to_dict() for case in cases[::every]]
 
 
 if __name__ == "__main__":

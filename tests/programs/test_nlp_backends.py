@@ -1,11 +1,12 @@
 """Every nonlinear backend on every conformance case: limits, stops, starts, options, quietness.
 
-Each backend runs the cases in a process of its own, for which this file is also the script; those that
-neither clash with others nor crash also run here.
+Those that stop when told to and clash with nothing run here. The others run the cases in another
+process, for which this file is also the script.
 """
 
 from __future__ import annotations
 
+import functools
 import threading
 import time
 from typing import Any
@@ -34,10 +35,12 @@ from crosstrack.solvers.nlp.quality import explained_duals
 
 #: Those that stop when told to and clash with nothing.
 HERE = ("ipopt", "uno", "sqpmethod", "slsqp", "trust-constr")
-BACKENDS = (*HERE, "fatrop", "sleqp", "blocksqp", "bonmin")
+#: Those that run the cases in one process.
+TOGETHER = ("fatrop", "blocksqp", "bonmin")
+BACKENDS = (*HERE, *TOGETHER, "sleqp")
 
 
-#: What each backend is run with beside its defaults, in one process for all choices of one.
+#: What each backend is run with beside its defaults.
 CHOICES: dict[str, tuple[dict[str, Any], ...]] = {
     "ipopt": ({}, {"mu_strategy": "monotone"}, {"hessian": "limited-memory"}),
     "uno": ({}, {"preset": "funnelsqp"}, {"preset": "ipopt"}),
@@ -61,26 +64,40 @@ KNOWN = {
 SLOW = {"sleqp", "sqpmethod", "trust-constr"}
 
 
-def asked_of(name: str, choice: dict[str, Any]) -> list[str]:
-    """Return the cases that `name` runs: all, and by further choices all but the largest."""
+#: Each so many cases run with a choice that is not the first.
+FEW = 5
+
+
+def asked_of(name: str, choice: dict[str, Any], every: int) -> list[str]:
+    """Return the cases that `name` runs: all, and by further choices each so many but the largest."""
     cases = list(cases_for(find_backend(name)))
     integer = {case for case in cases if case.startswith("integer nonlinear")}
     assert bool(integer) == (name == "bonmin")
     assert set(cases) - integer == set(CASES)
-    first = choice == CHOICES.get(name, ({},))[0]
-    return [case for case in cases if first or "pendulum" not in case]
+    number = CHOICES.get(name, ({},)).index(choice)
+    small = [case for case in cases if "pendulum" not in case]
+    return small[number % every :: every] if number else cases
 
 
 # Conformance.
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] if n in SLOW else []) for n in BACKENDS]
+    ("name", "every"),
+    [
+        *[(name, FEW) for name in BACKENDS if name not in SLOW],
+        *[pytest.param(name, 1, marks=pytest.mark.slow) for name in BACKENDS],
+    ],
 )
-def test_conformance(name: str) -> None:
+def test_conformance(name: str, every: int, capfd: pytest.CaptureFixture[str]) -> None:
     failures = []
     choices = CHOICES.get(name, ({},))
-    found = elsewhere(__file__, "conformance", name, quiet=True)
+    if name in HERE:
+        found = suite(name, every)
+        written = capfd.readouterr()
+        assert written.out == written.err == ""
+    else:
+        found = suites(*(TOGETHER if name in TOGETHER else (name,)), every=every)[name]
     assert len(found) == len(choices)
     for choice, data in zip(choices, found, strict=True):
         which = " ".join([name, *(f"{key}={value}" for key, value in choice.items())])
@@ -94,7 +111,7 @@ def test_conformance(name: str) -> None:
             if not (r.case.startswith(known) and r.reason.startswith("ended"))
             and not (name == "sleqp" and r.reason.startswith("took"))
         ]
-        assert {r.case for r in seen} == set(asked_of(name, choice))
+        assert {r.case for r in seen} == set(asked_of(name, choice, every))
         lacking = [r.reason for r in seen if r.status is Status.UNSUPPORTED]
         assert set(lacking) <= {"declares no interrupt"}
         assert sum(r.status is Status.PASS for r in seen) >= len(seen) - 3
@@ -124,7 +141,7 @@ def test_the_many_hills_are_optima() -> None:
 
 
 def test_sleqp_finds_an_optimum() -> None:
-    (found,) = elsewhere(__file__, "one", "sleqp", quiet=True)
+    (found,) = elsewhere(__file__, "one", quiet=True)
     assert CaseResult.from_dict(found).status is Status.PASS, found
 
 
@@ -272,18 +289,26 @@ def test_nothing_is_written(capfd: pytest.CaptureFixture[str]) -> None:
     assert found.out == found.err == ""
 
 
-# The following cases run in the other processes.
+@functools.cache
+def suites(*names: str, every: int) -> Any:
+    """Return the results of backends in one process, that writes nothing."""
+    return elsewhere(__file__, str(every), *names, quiet=True)
 
 
-def main(task: str, name: str = "") -> Any:
+def suite(name: str, every: int) -> list[list[dict[str, Any]]]:
+    """Return the results of a backend by choice and case."""
     backend = find_backend(name)
-    if task == "one":
-        return [run_case(backend, "nonlinear: HS071").to_dict()]
-    assert task == "conformance"
     return [
-        [run_case(backend, case, choice).to_dict() for case in asked_of(name, choice)]
+        [run_case(backend, case, choice).to_dict() for case in asked_of(name, choice, every)]
         for choice in CHOICES.get(name, ({},))
     ]
+
+
+def main(every: str, *names: str) -> Any:
+    """Return what another process answers: the results of `names`, or one case of SLEQP."""
+    if every == "one":
+        return [run_case(find_backend("sleqp"), "nonlinear: HS071").to_dict()]
+    return {name: suite(name, int(every)) for name in names}
 
 
 if __name__ == "__main__":

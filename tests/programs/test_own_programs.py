@@ -419,9 +419,9 @@ def test_a_target_has_the_sense_of_the_author():
     )
     early = ct.solve(hard, "scip", time_limit=30, target=10)
     assert early.limit == "target" and early.value >= 10
-    late = ct.solve(hard, "scip", time_limit=1, target=1e6)
+    late = ct.solve(hard, "scip", time_limit=0.3, target=1e6)
     assert late.limit == "time" and late.value >= early.value
-    late = ct.solve(hard, "scip", stop=Seconds(1) | (Target(1e6) & Seconds(0.1)))
+    late = ct.solve(hard, "scip", stop=Seconds(0.3) | (Target(1e6) & Seconds(0.1)))
     assert late.limit == "time"
 
 

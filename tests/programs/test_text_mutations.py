@@ -161,6 +161,7 @@ def mutated(text, rng):
     return text
 
 
+@pytest.mark.parametrize("count", [200, pytest.param(600, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("suffix", "texts", "compare"),
     [
@@ -168,10 +169,12 @@ def mutated(text, rng):
         (".cbf", (SDP, MIXED), assert_same_cbf),
     ],
 )
-def test_mutated_files_are_refused_or_read_like_a_second_reader(tmp_path, suffix, texts, compare):
+def test_mutated_files_are_refused_or_read_like_a_second_reader(
+    tmp_path, suffix, texts, compare, count
+):
     rng = random.Random(32)
     accepted = refused = 0
-    for number in range(600):
+    for number in range(count):
         text = mutated(texts[number % len(texts)], rng)
         try:
             program = read(tmp_path, text, suffix)
@@ -181,5 +184,5 @@ def test_mutated_files_are_refused_or_read_like_a_second_reader(tmp_path, suffix
         accepted += 1
         compare(program, text)
     # Each message names the file.
-    assert accepted + refused == 600
-    assert min(accepted, refused) > 50
+    assert accepted + refused == count
+    assert min(accepted, refused) > count / 12
