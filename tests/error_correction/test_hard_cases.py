@@ -239,10 +239,11 @@ def test_unsettled_lengths_are_bounded(forward):
         last = part
 
 
+@pytest.mark.parametrize("count", [1500, pytest.param(2500, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("shape", ["one", "two", "pocket"])
-def test_remaining_lengths_equal_those_over_all_arcs(shape):
+def test_remaining_lengths_equal_those_over_all_arcs(shape, count):
     """Cells that a former point covers are skipped, and no shorter path is lost."""
-    model = replace(wall(2500, shape), alpha1=9.0, beta1=13.0, theta=11.0)
+    model = replace(wall(count, shape), alpha1=9.0, beta1=13.0, theta=11.0)
     space, grid = laid_out(model)
     flag = np.zeros(1, np.int8)
     points, kinds = model.points[grid.ids], grid.kinds
@@ -254,7 +255,7 @@ def test_remaining_lengths_equal_those_over_all_arcs(shape):
     for forward, root, network in ((True, -2, arcs), (False, -1, arcs.T)):
         known = dijkstra(network, indices=len(points) + root)
         np.testing.assert_allclose(remaining(space, grid, forward, 10**9, flag), known, rtol=1e-12)
-        assert np.isfinite(known).sum() > 1000
+        assert np.isfinite(known).sum() > 0.4 * count
 
 
 def test_no_points_and_one_point():

@@ -106,7 +106,7 @@ def test_a_time_limit_is_kept_on_long_searches(name):
     """Twenty thousand points with an unreachable B, which needs a long search without a test for it."""
     model = replace(uniform_slab(20_000, (10, 10, 10, 10, 10), seed=3), theta=1e-6)
     begin = time.perf_counter()
-    answer = ct.solve(model, name, time_limit=0.5)
+    answer = ct.solve(model, name, time_limit=0.2)
     assert time.perf_counter() - begin < 8
     assert answer.limit == "time" or answer.termination in ("infeasible", "no_solution")
 
@@ -225,7 +225,8 @@ def test_diagnosis_of_a_forbidden_revisit():
     assert ct.diagnose(ErrorCorrectionRouting(**TINY, revisits=True)).feasible is True
 
 
-def test_deletion_filter_finds_an_irreducible_set():
+@pytest.mark.parametrize("count", [2, pytest.param(4, marks=pytest.mark.slow)])
+def test_deletion_filter_finds_an_irreducible_set(count):
     """Leaving out any one of the blocks it names makes the program feasible."""
     checked = 0
     for seed in range(40):
@@ -242,9 +243,9 @@ def test_deletion_filter_finds_an_irreducible_set():
             relaxed = program.without_rows([*others, name])
             assert ct.solve(relaxed, "highs").termination in ("optimal", "feasible", "unbounded")
         checked += 1
-        if checked == 4:
+        if checked == count:
             break
-    assert checked == 4
+    assert checked == count
 
 
 @pytest.mark.parametrize("seed", range(6))

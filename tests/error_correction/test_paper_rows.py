@@ -47,11 +47,13 @@ def agreed(models, backends, **options):
 @real
 @pytest.mark.parametrize("rows", [(7,), pytest.param((7, 8, 9), marks=pytest.mark.slow)])
 def test_exact_backends_agree_on_the_real_rows(rows):
-    backends = ["label-setting", "two-stage", "pulse", "dynamic-programming"]
-    verdicts = agreed([load(row) for row in rows], backends, time_limit=100)
-    for (_, optimum, route), verdict in zip((ROWS[row] for row in rows), verdicts, strict=True):
-        for solution in verdict.solutions:
+    for row in rows:
+        model, (_, optimum, route) = load(row), ROWS[row]
+        for name in ("label-setting", "two-stage", "pulse", "dynamic-programming"):
+            solution = ct.solve(model, name, time_limit=100, isolate=False)
+            assert solution.termination == "optimal", solution
             assert solution.primal_bound == pytest.approx(optimum, abs=6e-4)
+            assert solution.dual_bound == pytest.approx(optimum, rel=2e-6)
             assert str(solution.plan) == route
 
 
@@ -79,9 +81,7 @@ def test_the_real_routes_satisfy_the_papers_program(row):
     assert found.objective == pytest.approx(ROWS[row][1], abs=6e-4)
 
 
-@pytest.mark.parametrize(
-    "rows", [(1, 5, 8, 12), pytest.param(range(1, 13), marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("rows", [(1, 8), pytest.param(range(1, 13), marks=pytest.mark.slow)])
 def test_rows_by_seed_have_equal_results(rows):
     models = [ct.load(f"error-correction/{row}") for row in rows]
     start = [ct.solve(model) for model in models]

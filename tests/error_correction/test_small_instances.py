@@ -59,8 +59,8 @@ TWICE = [twice(seed) for seed in range(160) if seed not in LONG]
 MODELS = {model.digest: model for model in SIMPLE + FREE + TWICE + [twice(seed) for seed in LONG]}
 
 
-#: Every third instance in the fast tests, all in the slow ones.
-steps = pytest.mark.parametrize("step", [3, pytest.param(1, marks=pytest.mark.slow)])
+#: Every fifth instance in the fast tests, all in the slow ones.
+steps = pytest.mark.parametrize("step", [5, pytest.param(1, marks=pytest.mark.slow)])
 
 
 @cache
@@ -155,7 +155,7 @@ def test_programs_equal_brute_force(formulation, step):
     check(SIMPLE[::step], simple_answers(step, f"highs:{formulation}"))
 
 
-@pytest.mark.parametrize("step", [25, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("step", [50, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("backend", ["scip", "scipy", "ortools", "cvxpy"])
 def test_other_solvers_equal_brute_force(backend, step):
     """All solvers receive the same programs, so this tests only their adapters."""
