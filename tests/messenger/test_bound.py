@@ -93,7 +93,9 @@ def close(bound, best, model):
     return -1e-12 * best <= best - bound <= (1e-4 if far else 1e-7) * max(best, model.extent)
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(k, marks=[pytest.mark.slow] * (k % 3 > 0)) for k in range(60)]
+)
 def test_the_bound_equals_brute_force(seed):
     model = MODELS[seed]
     best = exhaustive(seed)

