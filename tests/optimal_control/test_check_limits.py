@@ -14,7 +14,7 @@ from crosstrack.models.optimal_control.plan import Piecewise
 
 TOLERANCE, FIXED = 1e-6, 1e-5
 #: Units of length and of time.
-UNITS = [(1e-3, 10.0), (1.0, 1.0), (1e3, 0.1)]
+UNITS = [(1e-3, 10.0), pytest.param((1.0, 1.0), marks=pytest.mark.slow), (1e3, 0.1)]
 KNOTS = np.array([0.0, 0.8, 2.0])
 END = KNOTS[-1]
 NODES = lobatto(7)
@@ -313,7 +313,7 @@ def test_an_unstable_phase_leaves_the_objective_unchecked():
 
 
 def test_every_check_has_its_limit():
-    unit = UNITS[1]
+    unit = (1.0, 1.0)
     wide = {"lower": -9.0, "upper": 9.0}
     ocp = problem(unit, x={**wide, "initial": (-9, 9), "final": (-9, 9)}, u=wide, p=wide)
     found = ocp.verify(plan(unit)), two_phases(unit).verify(in_two(unit))

@@ -96,7 +96,7 @@ def test_more_equations_than_variables_are_named(formulation):
     names = "final value of 'x', final value of 'y'"
     with pytest.raises(InvalidData, match=names):
         ct.solve(overdone(), formulation=formulation, formulation_options=RAISE)
-    answer = ct.solve(overdone(), formulation=formulation)
+    answer = ct.solve(overdone(), formulation=formulation, seed=0)
     assert answer.verification.ok
     assert names in answer.message and answer.statistics["dropped"] == names
     assert answer.plan["x"](1.0) == pytest.approx(1.0)
@@ -146,7 +146,7 @@ def test_drop_removes_rows_and_keep_keeps_them(path):
     }  # fmt: skip
     # One final value, and the path's equation at each of 12 nodes.
     assert equations["keep"] - equations["drop"] == 1 + 12 * path
-    answer = ct.solve(model)
+    answer = ct.solve(model, seed=0)
     assert answer.primal_bound == pytest.approx(1.0, rel=1e-6)
     names = [check.name for check in answer.verification.checks if check.ok]
     assert "final values" in names and ("unit length" in names) is path
@@ -263,7 +263,7 @@ def test_names_implied_boundary_constraints():
     ocp.minimise(phase.integral(u**2))
     with pytest.raises(InvalidData, match="boundary constraint 'there"):
         ct.solve(ocp, formulation_options=RAISE)
-    assert ct.solve(ocp).primal_bound == pytest.approx(1.0, rel=1e-6)
+    assert ct.solve(ocp, seed=0).primal_bound == pytest.approx(1.0, rel=1e-6)
 
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])

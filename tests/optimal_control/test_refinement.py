@@ -32,7 +32,7 @@ from crosstrack.solvers.run.running import Run
 )
 def test_refinement_ends_with_a_verified_plan(name, formulation, value):
     model = catalogue(name)
-    found = ct.solve(model, formulation=formulation)
+    found = ct.solve(model, formulation=formulation, seed=0)
     assert found.termination == "locally_optimal" and found.verification.ok, str(found)
     if value is None:
         value = math.tanh(2 * math.sqrt(2)) / (math.sqrt(2) - math.tanh(2 * math.sqrt(2)))
@@ -40,7 +40,7 @@ def test_refinement_ends_with_a_verified_plan(name, formulation, value):
     assert found.statistics["meshes"] >= 2
     assert model.verify(found.plan, tolerance=1e-6).ok
     # A larger tolerance needs fewer nodes.
-    rough = ct.solve(model, formulation=formulation, tolerance=1e-3)
+    rough = ct.solve(model, formulation=formulation, tolerance=1e-3, seed=0)
     assert rough.termination == "locally_optimal"
 
 
@@ -64,7 +64,7 @@ def test_the_paper_refines_one_interval_in_degree():
 )
 def test_rejects_a_plan_that_the_mesh_cannot_resolve(options):
     model = layers()
-    found = ct.solve(model, formulation_options=options)
+    found = ct.solve(model, formulation_options=options, seed=0)
     assert found.termination == "rejected" and found.plan is None and found.primal_bound is None
     assert found.rejected_plan is not None and "violated: motion" in found.message
     assert not found.verification.ok
@@ -76,13 +76,15 @@ def test_rejects_a_plan_that_the_mesh_cannot_resolve(options):
 
 def test_a_fixed_mesh_is_not_refined():
     ocp = regulator(*LINEAR)[0]
-    found = ct.solve(ocp, formulation_options={"refine": False, "mesh": [0, 0.3, 1], "degree": 9})
+    found = ct.solve(
+        ocp, formulation_options={"refine": False, "mesh": [0, 0.3, 1], "degree": 9}, seed=0
+    )
     assert found.plan.phases[0].states.knots == pytest.approx([0, 0.6, 2])
     assert found.statistics["meshes"] == 1 and found.statistics["nodes"] == 18
     # Two phases, one mesh each.
     ocp = regulator(*LINEAR, cuts=(0.5,))[0]
     options = {"refine": False, "mesh": [[0, 1], [0, 0.25, 1]], "degree": 9}
-    found = ct.solve(ocp, formulation_options=options)
+    found = ct.solve(ocp, formulation_options=options, seed=0)
     assert [part.states.intervals for part in found.plan] == [1, 2]
     assert found.primal_bound == pytest.approx(solved(ocp, "gauss", degree=9)[0], rel=1e-8)
 
@@ -130,14 +132,14 @@ def test_a_plan_that_does_not_verify_tightens_the_solver(monkeypatch):
 
     monkeypatch.setattr(base, "next_meshes", unverified)
     monkeypatch.setattr(Run, "attend", recording)
-    found = ct.solve(ct.load("optimal-control/bryson-denham"))
+    found = ct.solve(ct.load("optimal-control/bryson-denham"), seed=0)
     assert found.termination == "locally_optimal"
     assert requested[1] == pytest.approx(0.1 * requested[0])
 
 
 def test_a_plan_within_the_tolerance_is_verified_whatever_the_share_of_an_interval(monkeypatch):
     monkeypatch.setattr(refinement, "SHARE", 1e-6)
-    found = ct.solve(ct.load("optimal-control/bryson-denham"), tolerance=1e-6)
+    found = ct.solve(ct.load("optimal-control/bryson-denham"), tolerance=1e-6, seed=0)
     assert found.termination == "locally_optimal", found.message
     last = found.history[-1]
     assert last["verified"] and 1e-12 < last["error"] <= 1e-6

@@ -36,8 +36,23 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("formulation", ["gauss", "radau", "hermite-simpson", "trapezoid"])
-@pytest.mark.parametrize("case", list(CASES))
+FORMULATIONS = ("gauss", "radau", "hermite-simpson", "trapezoid")
+
+
+@pytest.mark.parametrize(
+    ("case", "formulation"),
+    [
+        *(("limited", formulation) for formulation in FORMULATIONS),
+        ("brake", "gauss"),
+        ("cart-pole", "radau"),
+        *(
+            pytest.param(case, formulation, marks=pytest.mark.slow)
+            for case, others in (("brake", FORMULATIONS[1:]), ("cart-pole", FORMULATIONS[::2]))
+            for formulation in others
+        ),
+        pytest.param("cart-pole", "trapezoid", marks=pytest.mark.slow),
+    ],
+)
 def test_structured_steps_equal_those_of_the_backend(case, formulation):
     make, options, steps = CASES[case]
     options = {"intervals": 6, **options}
