@@ -129,11 +129,12 @@ class ErrorCorrectionRouting(RoutingData):
         count = 0 if self.suspect is None else int(self.suspect.sum())
         suspect = f", {count} suspect" if count else ""
         limit = self.corrections_limit
+        zones = len(self.no_fly or ())
         return (
             f"{len(self.points)} points: {int((self.codes == HORIZONTAL).sum())} horizontal, "
             f"{int((self.codes == VERTICAL).sum())} vertical{suspect}"
             + ("" if limit is None else f"; at most {limit} correction{'' if limit == 1 else 's'}")
-            + (f"; {len(self.no_fly)} no-fly polygons" if self.no_fly else "")
+            + (f"; {zones} no-fly polygon{'s' * (zones > 1)}" if zones else "")
         )
 
     def second_objective(self, name: str, plan: Route) -> float:

@@ -172,6 +172,8 @@ def test_the_file_form_and_the_digest():
     assert type(model).from_dict(model.to_dict()) == model
     assert "no_fly" not in replace(model, no_fly=None).data()
     assert replace(model, no_fly=None).digest != model.digest
+    assert replace(model, no_fly=[SQUARE]).describe().endswith("; 1 no-fly polygon")
+    assert replace(model, no_fly=[SQUARE] * 2).describe().endswith("; 2 no-fly polygons")
 
 
 @pytest.mark.parametrize(
