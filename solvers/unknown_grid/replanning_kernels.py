@@ -223,7 +223,6 @@ def plan(
         )
         if forget >= 0 and not images:
             expire(forget, -1, -1, known, wall, seen, listed, mark, state)
-        state[TIME] += 1
         allowed = moves[:4] if straight else moves
         action = STUCK
         for attempt in range(2):
@@ -267,5 +266,6 @@ def plan(
         if action == STUCK and moving:
             action = WAITS
         actions[index] = state[ACTION] = action
+        state[TIME] += 1
         if action != STUCK:
             state[EXPECTED] = cell if action == WAITS else cell + moves[action]

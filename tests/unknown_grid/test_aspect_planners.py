@@ -21,6 +21,7 @@ from crosstrack.models.unknown_grid.world import LOOK
 from crosstrack.solvers.unknown_grid.baselines import BaselineOne
 from crosstrack.solvers.unknown_grid.oracle import Oracle
 from crosstrack.solvers.unknown_grid.replanning import AStarReplanning, CurrentView, DStarLite
+from crosstrack.solvers.unknown_grid.replanning_kernels import TIME, WAITS
 from crosstrack.solvers.unknown_grid.vector import Episodes
 
 drawn = UnknownGridNavigation.drawn
@@ -181,3 +182,13 @@ def test_extreme_scenes():
         assert model.verify(answer.point).ok
     exact = dataclasses.replace(lonely, false_obstacles=0.0, missed_obstacles=0.0)
     assert len(run(AStarReplanning(), exact).point.actions[0]) == 501
+
+
+@pytest.mark.parametrize("backend", PLANNERS[:2], ids=lambda one: one.name)
+def test_readings_are_stamped_with_the_decision_that_notes_them(backend):
+    """Without a path the view is noted twice in one decision."""
+    model = drawn(["S.@T", "..@@"], moving=1, view=(5, 7), steps=5)
+    policy = backend().policy(model.blinded(), np.arange(1), plain_request())
+    assert policy.decide(look(World(model), [[0, LOOK]]))[0] == WAITS
+    stamps, tally = policy._memory[2], policy._memory[5]
+    assert stamps.max() == 0 and tally[0, TIME] == 1
