@@ -213,8 +213,15 @@ class ConicProgram(RowProgram):
     def dual_bound(self, duals: Vector, point: Vector) -> float:
         """Return the lower bound that multipliers prove: that of :meth:`relaxed` at `point`.
 
-        `duals` are the multipliers of the rows, optionally followed by those of the cone rows. They are first
-        moved into the dual cones, so that the bound is as rigorous as :meth:`.QuadraticProgram.dual_bound`.
+        The multipliers are first moved into the dual cones, so that the bound is as rigorous as
+        :meth:`.QuadraticProgram.dual_bound`.
+
+        Parameters
+        ----------
+        duals : ndarray, shape (m,) or (m + k,)
+            Multipliers of the rows, optionally followed by those of the cone rows.
+        point : ndarray, shape (n,)
+            Point of the multipliers.
         """
         y = self.signed(duals)
         return self.relaxed(y).dual_bound(y[: self.row_count], point)

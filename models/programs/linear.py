@@ -111,6 +111,13 @@ class MixedIntegerProgram(RowProgram):
 
         The bound holds for the linear relaxation, so it holds for the program, and does not depend on the point.
         It is -inf if a multiplier or a reduced cost belongs to a bound that does not exist.
+
+        Parameters
+        ----------
+        duals : ndarray, shape (m,)
+            Row multipliers.
+        point : ndarray, optional
+            Unused.
         """
         y = np.asarray(duals, float)
         reduced = self.cost - self.matrix.T @ y
@@ -307,6 +314,13 @@ class QuadraticProgram(RowProgram):
         column is therefore limited to a distance of ``max(1, |point|)`` from `point`. The bound is rigorous for
         every x in that box. Points outside cannot be much better either: the objective is convex, so a gain far
         away implies a proportional gain within the box.
+
+        Parameters
+        ----------
+        duals : ndarray, shape (m,)
+            Row multipliers.
+        point : ndarray, shape (n,)
+            Point of the multipliers.
         """
         p = np.asarray(point, float)
         y = self.signed(duals)
