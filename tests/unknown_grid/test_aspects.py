@@ -20,10 +20,8 @@ from crosstrack.models.unknown_grid.sensing import in_sight
 from crosstrack.models.unknown_grid.world import LOOK
 from crosstrack.solvers.unknown_grid import oracle
 from crosstrack.solvers.unknown_grid.oracle import Oracle
-from crosstrack.solvers.unknown_grid.replanning import AStarReplanning, CurrentView, DStarLite
 
 drawn = UnknownGridNavigation.drawn
-PLANNERS = (DStarLite, AStarReplanning, CurrentView)
 OPEN = ["S....", ".....", ".....", ".....", "....T"]
 
 
