@@ -68,7 +68,7 @@ class ErrorCorrectionRouting(RoutingData):
     corrections_limit : int, optional
         Maximum number of corrections on the route.
     no_fly : iterable of polygons, optional
-        Polygons in the plane of the first two coordinates, m, as in
+        Polygons in the plane of the first two coordinates, in metres, as in
         :class:`~crosstrack.models.grid_path.Polygons`. No leg may cross the open interior of a polygon at any
         height. A leg may touch corners, follow an edge and end on the boundary.
     delta : float, optional

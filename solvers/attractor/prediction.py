@@ -77,7 +77,7 @@ def noise_level(states: Floats, theiler: int) -> float:
         return 0.0
     apart = futures[which[complete]] - futures[rows[complete], None]
     variances = (ROBUST * np.median(np.abs(apart), axis=0)) ** 2 / 2
-    at_zero = float(np.polyfit(means, variances, 1)[1])
+    at_zero = float(np.polyfit(means / means[-1], variances, 1)[1])
     nearest = math.exp(float(np.log(squares[:, 0]).mean())) / (2 * states.shape[1])
     return math.sqrt(max(min(at_zero, nearest), 0.0)) / deviation
 

@@ -3,8 +3,14 @@
 #: Names that modules of other problems import.
 SHARED = (
     *("minco.INSTANTS", "minco.Fastest", "minco.Region", "minco.Rows", "minco.Search"),
-    *("minco.coefficients_of", "minco.fastest", "minco.limits_of"),
-    *("minco_limits.Task", "minco_task.posed"),
+    *(
+        "minco.coefficients_of",
+        "minco.fastest",
+        "minco.limits_of",
+        "minco.peak",
+        "minco.powers_between",
+    ),
+    *("minco_limits.Task", "minco_limits.measure", "minco_task.posed"),
 )
 BACKENDS = {
     "banded": ".direct:Banded",

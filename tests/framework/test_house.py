@@ -167,65 +167,64 @@ GOALS = {
 #: blank lines are 36 % of the package; a search for unused names finds none.
 EXCEPTIONS = {
     "attractor": (
-        6970,
+        7005,
         (
             "15 estimators with uncertainties, calibrated systems and hunts; verdicts, spectra and measures with their own "
             "recomputation have about 1,400"
         ),
     ),
     "black_box": (
-        6610,
+        6400,
         (
             "kinds of variables, constraints and fronts have about 1,150 lines, workers, records, ask and tell 1,450, the "
             "surrogate search and the portfolio 480"
         ),
     ),
     "fleet": (
-        11_430,
+        11_260,
         (
             "fleet-search, bounds, subset-dp and four algorithms of the paper; rich fleets with their schedule, checks, "
             "readers and two adapters have about 2,900, column generation 1,800, tours and parts 1,000"
         ),
     ),
-    "fleet_mission": (5010, "moving obstacles keep the digests of earlier versions"),
     "grid_path": (
-        6200,
+        6070,
         (
             "the bucket queue is 3.3 to 5.2 times as fast as the heap, so both stay; readers of ROS and GeoJSON; prepared "
             "maps have 880"
         ),
     ),
     "guided_path": (
-        7320,
+        7570,
         "loads, windows, tracks and vehicles with their search have about 1,500 lines, 20,000 customers and merges 800",
     ),
     "messenger": (
-        10_000,
+        10_260,
         (
             "Newton's polish is 3 to 34 times as fast as Ipopt, so it stays; wind, several UAVs and no-fly zones have "
-            "about 1,250, orders of many vehicles 310"
+            "about 1,250, orders of many vehicles 310, the bound over poses of few vehicles 415"
         ),
     ),
     "minimum_snap": (
-        15_020,
+        14_990,
         (
             "own kernels for waypoints are 10 to 150 times as fast as general ones; vehicles with proven limits, "
             "yaw, laps, gates and minimum time have 4,150"
         ),
     ),
     "optimal_control": (
-        14_735,
+        14_270,
         (
             "the own Jacobian of programs is 2.9 to 270 times as fast as CasADi's, the Hessian 1.8 to 2.5; "
             "scenarios, flights, arcs, algebraic equations, estimation, convexity and prepared steps were added"
         ),
     ),
     "sideslip": (
-        6410,
+        6470,
         "the filter of spins has 400 lines, estimation in the loop 480, identification 300, tyre laws and the tyre curve 250",
     ),
     "unknown_grid": (
-        7490,
+        7470,
         (
             "six trained networks have 1,680 lines, the camera 500; neighbours, occlusion, noise, moving obstacles and "
             "exploration 950, vector environments and batches 450"
@@ -265,4 +264,4 @@ def test_the_package_keeps_its_ceiling(checkout):
     rooms = ("models", "solvers", "instances", "cli")
     files = [path for room in rooms for path in (checkout / room).rglob("*.py")]
     files += checkout.glob("*.py")
-    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 166_250
+    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 165_100

@@ -125,7 +125,7 @@ def test_body_rates_are_those_of_the_attitude(yaw):
     if yaw == "curve":
         model = MinimumSnap(np.zeros((4, 3)), plan.times, yaw=[0.3, None, 3, -3])
         yaw = model.with_yaw(plan).yaw
-    t = np.linspace(0.3, 0.6 * plan.times[-1], 40001)
+    t = np.linspace(0.3, 0.6 * plan.times[-1], 100001)
     values = QUADROTOR.quantities(plan, t, yaw)
     frames, step = rotations(values["attitude"]), t[1] - t[0]
     turned = frames[1:-1].transpose(0, 2, 1) @ (frames[2:] - frames[:-2]) / (2 * step)
@@ -187,7 +187,7 @@ def test_extremes_are_those_of_dense_samples(vehicle, dimensions, yaw, scale):
         plan = Trajectory(plan.times, plan.coefficients * scale)
     else:  # slower or faster
         plan = Trajectory(plan.times * min(scale, 1e3) ** 0.25, plan.coefficients)
-    t = np.linspace(plan.times[0], plan.times[-1], 40001)
+    t = np.linspace(plan.times[0], plan.times[-1], 100001)
     values = vehicle.quantities(plan, t, yaw)
     samples = {
         "lowest thrust": -values.get("thrust", 0),
