@@ -207,6 +207,21 @@ def _place(cell: Floats, node: Floats) -> tuple[float, float, float, float]:
     return x, y, driven + radius, 0.0
 
 
+@kernel
+def _flight(
+    cell: Floats, place: tuple[float, float, float, float], to: Floats,
+    end: tuple[float, float, float, float], r: float, most: float,
+) -> float:  # fmt: skip
+    """Return the bound on flights from a cell to another, given :func:`_place` of both; inf if at least `most`."""
+    x, y, near = end[0] - place[0], end[1] - place[1], place[2] + end[2]
+    if not max(math.sqrt(x * x + y * y) - near, 0.0) < most:
+        return math.inf
+    rims = Rims(place[3], cell[PHI], cell[PHI_HALF], end[3], to[PHI], to[PHI_HALF])
+    return least_flight(
+        x, y, near, cell[THETA], cell[THETA_HALF], to[THETA], to[THETA_HALF], r, rims
+    )
+
+
 @kernel(interpretable=True)
 def arrivals(
     cells: Floats, node: Floats, times: Floats, after: Floats, goal: Floats, r: float, met: Floats
@@ -218,19 +233,10 @@ def arrivals(
     """
     for j in range(len(after)):
         to, best = after[j], math.inf
-        ex, ey, wide, end_chord = _place(to, goal)
+        end = _place(to, goal)
         for i in range(len(cells)):
-            cell = cells[i]
-            x, y, near, chord = _place(cell, node)
-            line = math.sqrt((ex - x) ** 2 + (ey - y) ** 2) - near - wide
-            if not times[i] + max(line, 0.0) < best:
-                continue
-            rims = Rims(chord, cell[PHI], cell[PHI_HALF], end_chord, to[PHI], to[PHI_HALF])
-            flight = least_flight(
-                ex - x, ey - y, near + wide, cell[THETA], cell[THETA_HALF], to[THETA],
-                to[THETA_HALF], r, rims,
-            )  # fmt: skip
-            best = min(best, times[i] + flight)
+            place = _place(cells[i], node)
+            best = min(best, times[i] + _flight(cells[i], place, to, end, r, best - times[i]))
         best = max(best, to[LOW])
         met[j] = best if best <= to[HIGH] else math.inf
 
@@ -243,18 +249,12 @@ def tails(
     """Fill `rest` with the least length flown after each cell; `rests` are those of the cells after."""
     for i in range(len(cells)):
         cell, best = cells[i], math.inf
-        x, y, near, chord = _place(cell, node)
+        place = _place(cell, node)
         for j in range(len(after)):
             to = after[j]
-            ex, ey, wide, end_chord = _place(to, goal)
-            line = math.sqrt((ex - x) ** 2 + (ey - y) ** 2) - near - wide
-            if not max(line, 0.0) + rests[j] < best or not times[i] <= to[HIGH]:
+            if not times[i] <= to[HIGH]:
                 continue
-            rims = Rims(chord, cell[PHI], cell[PHI_HALF], end_chord, to[PHI], to[PHI_HALF])
-            flight = least_flight(
-                ex - x, ey - y, near + wide, cell[THETA], cell[THETA_HALF], to[THETA],
-                to[THETA_HALF], r, rims,
-            )  # fmt: skip
+            flight = _flight(cell, place, to, _place(to, goal), r, best - rests[j])
             if times[i] + flight <= to[HIGH]:
                 best = min(best, flight + rests[j])
         rest[i] = best
