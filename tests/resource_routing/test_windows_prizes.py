@@ -1,6 +1,7 @@
 """Windows with waiting, lower limits, prizes, negative lengths and several routes, against enumeration."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -108,6 +109,9 @@ def test_several_routes_are_the_best_ones(count, step):
         assert model.verify(found.plan).ok
         assert Model.from_json(model.to_json()) == model
         assert model.plan_from_data(model.plan_to_data(found.plan)) == found.plan
+        # The other routes may be longer than a warm start.
+        again = ct.solve(model, NAME, warm_start=replace(found.plan, others=()))
+        assert [routes[route] for route in (again.plan.route, *again.plan.others)] == values
 
 
 @pytest.mark.parametrize(
