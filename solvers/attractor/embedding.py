@@ -60,13 +60,16 @@ def standardised(series: Floats) -> Floats:
     return values
 
 
+def transform_length(least: int) -> int:
+    """Return the smallest product of 1, 3, 5 or 9 and a power of 2 that is at least `least`."""
+    return min(factor << max((least - 1) // factor, 0).bit_length() for factor in (1, 3, 5, 9))
+
+
 def autocorrelation(series: Floats, lags: int) -> Floats:
     """Return the autocorrelation at the lags 0 … `lags`, shape (lags + 1,), each sum divided by that of lag 0."""
-    from scipy import fft
-
     x = standardised(series)
-    size = fft.next_fast_len(len(x) + lags, real=True)
-    result: Floats = fft.irfft(np.abs(fft.rfft(x, size)) ** 2, size)[: lags + 1]
+    size = transform_length(len(x) + lags)
+    result: Floats = np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[: lags + 1]
     result /= result[0]
     return result
 

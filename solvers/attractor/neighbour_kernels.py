@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 
-__all__ = ["count_pairs", "mean_partings", "nearest_partings", "nearest_states", "order_states"]
+__all__ = ["count_pairs", "mean_partings", "nearest_states", "order_states"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -90,32 +90,6 @@ def nearest_states(
                 k -= 1
             near[k], who[k] = far, time
     return which, nearest, visits
-
-
-@kernel(interpretable=True)
-def nearest_partings(
-    states: Floats, firsts: Ints, seconds: Ints, ahead: int
-) -> tuple[Floats, Ints]:
-    """Return the sums of the log distances of pairs of states over time, and the numbers of summed distances.
-
-    `firsts` and `seconds` are the indices of the pairs among states in the order of time; a pair with a
-    negative second index is skipped. The results have the shape (ahead + 1,); distances of 0 are not
-    summed.
-    """
-    sums, counts = np.zeros(ahead + 1), np.zeros(ahead + 1, np.int64)
-    for row in range(len(firsts)):
-        i, j = firsts[row], seconds[row]
-        if j < 0:
-            continue
-        for k in range(ahead + 1):
-            square = 0.0
-            for column in range(states.shape[1]):
-                apart = states[i + k, column] - states[j + k, column]
-                square += apart * apart
-            if square > 0.0:
-                sums[k] += 0.5 * math.log(square)
-                counts[k] += 1
-    return sums, counts
 
 
 @kernel(interpretable=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...models.attractor.checks import ALL
 from .native import Poll
-from .neighbour_kernels import mean_partings, nearest_partings, nearest_states, order_states
+from .neighbour_kernels import mean_partings, nearest_states, order_states
 from .regions import whole_slope
 
 __all__ = ["FEW", "MOST", "Curve", "Neighbours", "kantz_curve", "kantz_radius", "rosenstein_curve"]
@@ -28,6 +28,8 @@ WORK, PILOT = 50_000_000, 50
 MEANS, FEW = 100_000_000, 100
 #: Blocks of time for the deviation; the clock is checked between them.
 BLOCKS = 20
+#: Coordinates of neighbours whose distances are computed at once, which fit into a processor's cache.
+CACHED = 20_000
 #: Number of neighbours within the radius of Kantz that the share :data:`CROWDED` of the states has.
 CROWD, CROWDED = 5, 0.5
 
@@ -117,9 +119,20 @@ def rosenstein_curve(
     visits = pool.nearest(pool.pilot)[2]
     rows = pool.references(min(max(WORK * PILOT // max(visits, 1), SOME), references))
 
+    courses = np.lib.stride_tricks.sliding_window_view(states, high + 1, axis=0)
+
     def part(some: Ints) -> tuple[Floats, Ints]:
-        result: tuple[Floats, Ints] = nearest_partings(states, some, pool.nearest(some)[0], high)
-        return result
+        nearest = pool.nearest(some)[0]
+        pairs = np.stack([some, nearest])[:, nearest >= 0]
+        sums, counts = np.zeros(high + 1), np.zeros(high + 1, np.int64)
+        size = -(-CACHED // courses[0].size)
+        for start in range(0, pairs.shape[1], size):
+            firsts, seconds = courses[pairs[:, start : start + size]]
+            squares = ((firsts - seconds) ** 2).sum(axis=1)
+            differ = squares > 0.0
+            sums += 0.5 * np.log(squares, where=differ, out=np.zeros_like(squares)).sum(axis=0)
+            counts += differ.sum(axis=0)
+        return sums, counts
 
     return _curve(part, rows, poll)
 

@@ -21,7 +21,7 @@ from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import Evidence, Judgement, Slope, SurrogateTest
 from ..contract.backend import Feature, Request
 from ..contract.option import Option
-from .embedding import mean_period, standardised, thin_out
+from .embedding import mean_period, standardised, thin_out, transform_length
 from .exponents import Rosenstein
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, Poll, poll_of, run_stage
 from .neighbour_kernels import nearest_states, order_states
@@ -50,8 +50,6 @@ def zero_one(series: Floats, step: int) -> float:
     The frequencies are spread evenly from π / 5 to 4 π / 5, and displacements are followed over a tenth of the
     samples. K is 0 if these samples are constant.
     """
-    from scipy import fft
-
     part = series[::step][:MOST]
     if not np.ptp(part) > 0:
         return 0.0
@@ -59,9 +57,11 @@ def zero_one(series: Floats, step: int) -> float:
     n, cut = len(x), len(x) // 10
     frequencies = np.pi * (0.2 + 0.6 * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES)
     paths = np.cumsum(x * np.exp(1j * frequencies[:, None] * np.arange(1, n + 1)), axis=1)
-    size, lags = fft.next_fast_len(2 * n), np.arange(1, cut + 1)
-    heads = fft.fft(paths[:, : n - cut], size, axis=1)
-    products = fft.ifft(np.conj(heads) * fft.fft(paths, size, axis=1), axis=1)[:, 1 : cut + 1].real
+    size, lags = transform_length(2 * n), np.arange(1, cut + 1)
+    heads = np.fft.fft(paths[:, : n - cut], size, axis=1)
+    products = np.fft.ifft(np.conj(heads) * np.fft.fft(paths, size, axis=1), axis=1).real[
+        :, 1 : cut + 1
+    ]
     squares = np.cumsum(np.abs(paths) ** 2, axis=1)
     moved = squares[:, n - cut : n] - squares[:, :cut] + squares[:, [n - cut - 1]] - 2 * products
     moved = moved / (n - cut)  # the values have mean 0, so that the oscillating term vanishes
