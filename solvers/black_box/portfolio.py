@@ -22,6 +22,9 @@ Stage = tuple[type[BlackBoxBackend], float, dict[str, Any]]
 _FEW, _SOME = 35, 150
 #: Largest number of evaluations of the surrogate search.
 _MODELLED = 500
+#: Largest number of variables of the evolution strategy's quadratic model, which has d (d + 3) / 2 + 1
+#: coefficients: a fit takes 0.1 s with 40 variables and more than a minute with 100.
+_FITTED = 40
 #: Duration of an evaluation (s) above which a time limit, not the budget, may determine the stages.
 _SLOW = 0.01
 
@@ -52,7 +55,7 @@ def stages(dimension: int, evaluations: int, parallel: bool = False) -> list[Sta
         local, evolved = (max(0.35, min(share, 0.6)), share) if few else (0.2, max(0.6, share))
         parts = [_local(local)]
         if evolved > local:
-            parts.append((CmaEs, evolved, {"surrogate": True, "sigma": 0.2}))
+            parts.append((CmaEs, evolved, {"surrogate": dimension <= _FITTED, "sigma": 0.2}))
         parts.append((SurrogateSearch, 1.0, {"surrogate": _MODELLED}))
     return [*parts, (DualAnnealing, 1.0, {})]
 

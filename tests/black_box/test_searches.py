@@ -467,6 +467,13 @@ def test_the_portfolio_divides_the_time():
     assert str(answer.limit) == "time"
 
 
+@pytest.mark.parametrize(("d", "is_fitted"), [(40, True), (41, False), (1000, False)])
+def test_the_portfolio_fits_no_quadratic_model_in_many_variables(d, is_fitted):
+    """A fit takes minutes with a hundred variables."""
+    parts = [options for kind, _, options in portfolio.stages(d, 100 * d) if kind is portfolio.CmaEs]
+    assert [options["surrogate"] for options in parts] == [is_fitted]
+
+
 def test_the_portfolio_selects_its_stages_for_the_evaluations_that_the_time_allows():
     """A slow function with a time limit has few evaluations, whatever its budget."""
 
