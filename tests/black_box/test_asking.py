@@ -41,7 +41,7 @@ def conduct(asking, function=wavy, generator=None):
 
 @pytest.mark.parametrize("name", EVERY)
 def test_ask_and_tell_gives_the_plan_of_a_run(name):
-    model = box(WAVY, *SQUARE, budget=70)
+    model = box(WAVY, *SQUARE, budget=40)
     answer, oracle = search(name, model, seed=3)
     for generator in (None, np.random.default_rng(1)):
         with ct.prepare(
@@ -60,7 +60,7 @@ def test_ask_and_tell_gives_the_plan_of_a_run_with_constraints(name):
     def function(x):
         return [float(((x - 0.3) ** 2).sum()), 0.4 - x[0]]
 
-    fields = {"inequalities": 1, "budget": 60}
+    fields = {"inequalities": 1, "budget": 35}
     with ct.prepare(BlackBoxMinimisation(None, SQUARE, **fields), name, seed=1) as asking:
         conduct(asking, lambda xs: [function(x) for x in xs])
     answer = ct.solve(box(function, *SQUARE, **fields), name, seed=1)

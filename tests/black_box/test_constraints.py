@@ -23,8 +23,8 @@ def many(function):
 @pytest.mark.parametrize(
     ("problem", "name", "budget"),
     [
-        pytest.param("g01", "cma-es", 20_000, marks=pytest.mark.slow), pytest.param("g01", "portfolio", 20_000, marks=pytest.mark.slow), ("g01", "differential-evolution", 100_000),
-        *[(problem, name, budget) for problem in ("g04", "g06", "g08") for name, budget in (("cma-es", 6000), ("differential-evolution", 10_000), ("portfolio", 1000))],
+        pytest.param("g01", "cma-es", 20_000, marks=pytest.mark.slow), pytest.param("g01", "portfolio", 20_000, marks=pytest.mark.slow), pytest.param("g01", "differential-evolution", 100_000, marks=pytest.mark.slow), pytest.param("g04", "cma-es", 6000, marks=pytest.mark.slow),
+        *[(problem, name, budget) for problem in ("g04", "g06", "g08") for name, budget in (("cma-es", 6000), ("differential-evolution", 10_000), ("portfolio", 1000)) if (problem, name) != ("g04", "cma-es")],
     ],
 )  # fmt: skip
 def test_published_problems_are_solved_within_one_per_cent(problem, name, budget):
@@ -45,7 +45,7 @@ def test_every_search_keeps_inequalities_of_any_scale(name, scale):
     def function(x):
         return np.column_stack([x.sum(1), scale * (((x - 0.75) ** 2).sum(1) - 0.04)])
 
-    model = box(many(function), (0, 1), (0, 1), inequalities=1, budget=allowed(name, 100, 600))
+    model = box(many(function), (0, 1), (0, 1), inequalities=1, budget=allowed(name, 50, 600))
     answer, oracle = search(name, model, seed=1)
     assert model.verify(answer.point).ok and len(oracle.points) <= 600
     assert answer.primal_bound == pytest.approx(1.5 - 0.2 * math.sqrt(2), abs=0.05)
@@ -55,7 +55,7 @@ def test_every_search_keeps_inequalities_of_any_scale(name, scale):
     ("name", "budget"),
     [
         *(("differential-evolution", 4000), ("dual-annealing", 4000), ("portfolio", 1000)),
-        *(("cobyqa", 60), ("surrogate-search", 60)),
+        *(("cobyqa", 60), ("surrogate-search", 40)),
     ],
 )
 def test_equalities_hold_within_their_tolerance(name, budget):
@@ -82,7 +82,7 @@ def test_more_constraints_than_processes(name):
 
 @pytest.mark.parametrize("name", EVERY)
 def test_no_feasible_point_is_no_plan(name):
-    answer, _ = search(name, box(lambda x: [x[0], 1.0 + x[0]], (0, 1), inequalities=1, budget=60))
+    answer, _ = search(name, box(lambda x: [x[0], 1.0 + x[0]], (0, 1), inequalities=1, budget=30))
     assert answer.termination is Termination.NO_SOLUTION and answer.point is None
     assert (
         answer.message.startswith("none of ") and "points holds all constraints" in answer.message
@@ -95,7 +95,7 @@ def test_constraints_without_values_do_not_stop_a_search(name):
         return [x[0], math.nan if x[0] < 0.3 else 0.5 - x[0]]
 
     answer, _ = search(
-        name, box(partly, (0, 1), inequalities=1, budget=allowed(name, 60, 300)), seed=1
+        name, box(partly, (0, 1), inequalities=1, budget=allowed(name, 40, 300)), seed=1
     )
     assert 0.5 <= answer.primal_bound < 0.6
 
@@ -147,7 +147,7 @@ def test_several_objectives_are_refused_by_name():
 
 
 @pytest.mark.parametrize("name", EVERY)
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_small_mixed_problems_equal_enumeration(name, seed):
     """An integer, a category, and a conditional integer, with a linear constraint and random costs."""
     generator = np.random.default_rng(seed)
@@ -182,7 +182,7 @@ def test_a_range_of_many_integers(name):
         lambda x: abs(x[0] - 123_457.3),
         (-1e6, 1e6),
         variables=["integer"],
-        budget=allowed(name, 80, 400),
+        budget=allowed(name, 50, 400),
     )
     answer, _ = search(name, model, seed=1)
     (x,) = answer.point.x

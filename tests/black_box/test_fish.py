@@ -219,7 +219,7 @@ def moved(
     stretch=st.floats(1e-9, 1e9),
     seed=st.integers(0, 1000),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 def test_the_answer_moves_and_grows_with_the_function(
     backend: type[FishSwarm], function: Landscape, centre: list[int], stretch: float, seed: int
 ) -> None:

@@ -88,7 +88,9 @@ def test_equal_points_with_different_values_have_a_posterior():
     assert np.isfinite(mean).all() and (deviation > 0).all()
 
 
-@pytest.mark.parametrize("name", ["surrogate-search", "cobyqa", "portfolio"])
+@pytest.mark.parametrize(
+    "name", ["surrogate-search", "cobyqa", pytest.param("portfolio", marks=pytest.mark.slow)]
+)
 def test_few_evaluations_follow_a_valley(name):
     model = box(many(valley), *[(-2, 1)] * 5, budget=150)
     assert search(name, model, seed=1)[0].primal_bound <= 0.01
@@ -141,8 +143,14 @@ def test_no_worker_waits_for_the_slowest_point(name, options, first):
     assert plans[0] == plans[1]
 
 
-@pytest.mark.parametrize("name", ["cobyqa", "surrogate-search", "portfolio"])
-@pytest.mark.parametrize("scale", [1e-6, 1e6])
+@pytest.mark.parametrize(
+    ("name", "scale"),
+    [
+        *(("cobyqa", 1e-6), ("cobyqa", 1e6), ("surrogate-search", 1e6), ("portfolio", 1e-6)),
+        pytest.param("surrogate-search", 1e-6, marks=pytest.mark.slow),
+        pytest.param("portfolio", 1e6, marks=pytest.mark.slow),
+    ],
+)
 def test_hundred_evaluations_find_a_plan_in_a_thin_region(name, scale):
     """The feasible region of g06 is 1e-5 of the box, and both constraints are active in the optimum."""
     function, bounds, count, optimum = PUBLISHED["g06"]
@@ -215,7 +223,7 @@ def test_cobyqa_starts_again_or_ends():
     assert len(search("cobyqa", model)[1].points) == 400
 
 
-@pytest.mark.parametrize("evaluations", [60, 200, 1000])
+@pytest.mark.parametrize("evaluations", [60, pytest.param(200, marks=pytest.mark.slow), 1000])
 def test_the_portfolio_leaves_no_worker_idle_with_several_workers(evaluations):
     """Searches that request single points are left out."""
     with ThreadPoolExecutor(4) as workers:
