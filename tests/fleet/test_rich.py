@@ -41,7 +41,9 @@ def random_plan(rng, model):
     return plan
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize(
+    "block", [0, 3, *(pytest.param(block, marks=pytest.mark.slow) for block in (1, 2))]
+)
 def test_verifies_optima_of_the_enumeration(block):
     feasible = 0
     for seed in range(block * 30, block * 30 + 30):

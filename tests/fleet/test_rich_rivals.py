@@ -47,7 +47,7 @@ def solved(model: FleetRouting, name: str, **more: Any) -> Any:
 @pytest.mark.parametrize(
     ("name", "count"),
     [
-        ("pyvrp", 30),
+        ("pyvrp", 20),
         ("ortools-routing", 12),
         pytest.param("pyvrp", 300, marks=pytest.mark.slow),
         pytest.param("ortools-routing", 150, marks=pytest.mark.slow),
@@ -365,11 +365,11 @@ def test_pyvrp_checks_only_some_of_its_plans_with_a_time_limit(monkeypatch: Any)
     )
     points = np.random.default_rng(0).random((60, 2))
     fields: dict[str, Any] = {"points": points, "objective": "sum", "service": np.ones(60)}
-    answer = solved(FleetRouting(3, **fields), "pyvrp", time_limit=0.4)
+    answer = solved(FleetRouting(3, **fields), "pyvrp", time_limit=0.3)
     assert 1 <= len(offers) <= 2
     assert [list(route) for route in answer.plan.routes] == offers[-1]
     offers.clear()
-    solved(FleetRouting(3, **fields, deviation_limit=50.0), "pyvrp", time_limit=1.0)
+    solved(FleetRouting(3, **fields, deviation_limit=50.0), "pyvrp", time_limit=0.5)
     assert len(offers) > 2
 
 

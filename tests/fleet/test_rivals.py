@@ -176,14 +176,14 @@ def test_a_power_of_two_scales_the_plan() -> None:
 
 
 def test_limits_are_honoured() -> None:
-    model = FleetRouting(10, points=np.random.default_rng(2).random((800, 2)))
+    model = FleetRouting(10, points=np.random.default_rng(2).random((400, 2)))
     long = {
         "pso-ac": {"iterations": 10**6},
         "kmeans-ac": {"ant_iterations": 10**6},
         "tpha": {"generations": 10**6},
     }
     for name, options in long.items():
-        found = ct.solve(model, name, time_limit=0.4, backend_options=options)
+        found = ct.solve(model, name, time_limit=0.25, backend_options=options)
         assert found.verification.ok, name
         assert found.limit is Limit.TIME, name
         assert found.seconds["solve"] < 2.0, name
@@ -268,7 +268,7 @@ def test_yardsticks_stop_in_time(name: str) -> None:
     pytest.importorskip(YARDSTICKS[name], reason=f"{name} is not installed")
     for objective in ("max", "sum"):
         points = np.random.default_rng(2).random((200, 2))
-        found = ct.solve(FleetRouting(8, points=points, objective=objective), name, time_limit=0.7)
+        found = ct.solve(FleetRouting(8, points=points, objective=objective), name, time_limit=0.4)
         assert found.verification.ok
         assert found.limit is Limit.TIME
         assert found.seconds["solve"] < 2.5
@@ -279,7 +279,7 @@ def test_restarts_pay() -> None:
     model = FleetRouting(3, points=np.random.default_rng(4).random((40, 2)))
     for name in PHASED:
         once = solved(model, name, seed=1)
-        again = solved(model, name, seed=1, time_limit=0.5, options={"restarts": True})
+        again = solved(model, name, seed=1, time_limit=0.3, options={"restarts": True})
         assert again.primal_bound < once.primal_bound
 
 
