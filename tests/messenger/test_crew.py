@@ -52,7 +52,7 @@ def by_enumeration(model):
 
 
 @pytest.mark.parametrize(
-    "seed", [2, 3, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 1))]
+    "seed", [3, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 1, 2))]
 )
 def test_the_search_is_as_good_as_the_enumeration_of_assignments_and_the_bound_below(seed):
     model = drawn(seed)

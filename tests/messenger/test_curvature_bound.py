@@ -138,7 +138,7 @@ def test_the_loss_at_a_corner_is_a_close_lower_bound(angle, weights, halves):
         s = (np.arange(500) + 0.5) * half / 500
         return (1 - np.cos(np.maximum(off[:, None] - s, 0))).mean(axis=1) * half
 
-    x = np.linspace(0, angle, 1001)
+    x = np.linspace(0, angle, 301)
     least = (weights[0] * lost(x, halves[0]) + weights[1] * lost(angle - x, halves[1])).min()
     found = corner(angle, weights[0], halves[0], weights[1], halves[1])
     assert -1e-4 <= least - found <= 0.03 * max(least, 1e-3) + 1e-4

@@ -133,7 +133,7 @@ def test_lengths_are_of_the_order_that_the_paper_prints():
     """Greedy tours have the magnitude of Table IV for N = 10 and 20, and grow fast."""
     found = {}
     for size in (10, 20):
-        names = [f"messenger/B-{size}-{row:02}" for row in (6, 8, 10)]
+        names = [f"messenger/B-{size}-{row:02}" for row in (6, 8)]
         found[size] = [flight(ct.load(name)).length for name in names]
     for size, (low, high) in {10: (205, 480), 20: (1770, 3194)}.items():
         assert low / 3 < np.median(found[size]) < 3 * high

@@ -220,7 +220,7 @@ def posed(model, plan):
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 3, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
+    "seed", [3, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 1, 2))]
 )
 def test_the_method_agrees_with_slsqp(seed):
     model = drawn(seed, n=4)

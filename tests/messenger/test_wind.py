@@ -61,13 +61,15 @@ def test_no_flight_found_by_brute_force_is_shorter_than_a_bound(seed):
 @pytest.mark.parametrize("closed", [False, True])
 def test_the_search_is_at_least_as_good_as_brute_force_and_flies_over_the_ground(closed):
     home = [1, 0.5] if closed else None
-    model = MessengerTour(*FIELD, wind=[3, -1], closed=closed, home_velocity=home)
+    count = 3 if closed else 2  # brute force over three vehicles takes 2 s
+    field = [part[:count] for part in FIELD]
+    model = MessengerTour(*field, wind=[3, -1], closed=closed, home_velocity=home)
     best = ct.solve(model, seed=1)
     plan = best.plan
     assert best.primal_bound <= shortest_flight(model) * (1 + 1e-7)
     poses = ground(model, [p.turn for p in plan.primitives], [p.length for p in plan.primitives])
     legs = [piece.leg for piece in plan.primitives]
-    ends = np.searchsorted(legs, range(3), side="right") - 1
+    ends = np.searchsorted(legs, range(count), side="right") - 1
     assert np.allclose(poses[ends, :2], plan.points, atol=1e-6)
     vehicles = np.array([model.where(k, t) for k, t in zip(plan.order, plan.times, strict=True)])
     assert (np.hypot(*(plan.points - vehicles).T) <= 5 + 1e-6).all()
