@@ -29,7 +29,11 @@ def ratio_of(fields):
 
 
 @pytest.mark.parametrize(
-    "name", ["limit", "ice", "biased", "short", "serpentine", "lane-change-mismatch"]
+    "name",
+    [
+        *("limit", "biased", "lane-change-mismatch"),
+        *(pytest.param(one, marks=pytest.mark.slow) for one in ("ice", "short", "serpentine")),
+    ],
 )
 def test_the_default_is_near_the_best_on_some_of_the_catalogue(name):
     assert ratio_of(CATALOGUE[name]) < MARGIN.get(name, 1.1)
@@ -43,7 +47,7 @@ def test_the_default_is_near_the_best_on_the_catalogue(name):
 
 
 @pytest.mark.parametrize(
-    "seeds", [range(100, 105), pytest.param(range(100, 160), marks=pytest.mark.slow)]
+    "seeds", [range(100, 103), pytest.param(range(100, 160), marks=pytest.mark.slow)]
 )
 def test_the_default_is_near_the_best_on_drawn_drives(seeds):
     ratios = [ratio_of(drawn(seed)[1]) for seed in seeds]

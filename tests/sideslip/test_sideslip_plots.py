@@ -119,20 +119,20 @@ def test_standstill_is_shaded_and_has_no_angle():
 
 
 def test_long_recordings_keep_their_extremes():
-    n = 1_000_000
+    n = 200_000
     speed = np.full(n, 20.0)
-    speed[n // 2 : n // 2 + 5_000] = 0.0
+    speed[n // 2 : n // 2 + 1_000] = 0.0
     speed[::1000] = 0.0  # halts of one sample, which are not shown
     model = kinematic(n, speed=speed)
     angles = model.truth.copy()
-    angles[123_457], angles[777_777] = 0.7, -0.6
+    angles[23_457], angles[177_777] = 0.7, -0.6
     figure = render(ct.plot(model, estimate(angles, 0.01)))
     shown = panels(figure)
     times, angle = line(shown["sideslip angle"], "estimate")
     assert times.size <= 3000
     assert np.nanmax(angle) == pytest.approx(np.degrees(0.7))
     assert np.nanmin(angle) == pytest.approx(np.degrees(-0.6))
-    assert times[np.nanargmax(angle)] == pytest.approx(123_457 * 0.05, abs=0.05 * n / 1500)
+    assert times[np.nanargmax(angle)] == pytest.approx(23_457 * 0.05, abs=0.05 * n / 1500)
     (stretch,) = artists(shown["speed"], "shade")
     assert stretch.get_x() == pytest.approx(0.05 * n / 2, abs=0.05 * n / 1500)
     assert (np.diff(times) >= 0).all()

@@ -27,8 +27,15 @@ def measured(model):
     return model.verify(plan).objective, model.coverage(plan)
 
 
-@pytest.mark.parametrize("vehicle", [stanford.GUESS, stanford.OTHER], ids=["guess", "other car"])
-@pytest.mark.parametrize("count", [1, 5])
+@pytest.mark.parametrize(
+    ("count", "vehicle"),
+    [
+        pytest.param(1, stanford.GUESS, id="1-guess"),
+        pytest.param(5, stanford.OTHER, id="5-other car"),
+        pytest.param(1, stanford.OTHER, id="1-other car", marks=pytest.mark.slow),
+        pytest.param(5, stanford.GUESS, id="5-guess", marks=pytest.mark.slow),
+    ],
+)
 def test_error_and_coverage_on_the_last_part(drive, vehicle, count):
     end = int(stanford.SHARE * len(drive))
     known = stanford.cut(drive, 0, end)

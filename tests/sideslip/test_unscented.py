@@ -301,7 +301,7 @@ def test_a_spike_is_treated_as_missing(instance):
     model = ct.load(f"sideslip/{instance}")
     moving = np.flatnonzero(model.recording.moving)
     for field, sizes in SPIKES.items():
-        for k in moving[np.linspace(1, len(moving) - 1, 7).astype(int)]:
+        for k in moving[np.linspace(1, len(moving) - 1, 4).astype(int)]:
             for size in sizes:
                 wrong = spiked(model, field, size, k)
                 answer = run(wrong)
