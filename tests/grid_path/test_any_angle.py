@@ -236,7 +236,7 @@ def test_special_maps(case, name):
     assert_clear(model, found.plan)
 
 
-@pytest.mark.parametrize("loops", [0.0, 0.05])
+@pytest.mark.parametrize("loops", [pytest.param(0.0, marks=pytest.mark.slow), 0.05])
 def test_mazes(loops):
     blocked = maze(41, 6, loops)
     model = GridPath(GridMap(blocked, cell=1e-3), (0, 0), (40, 40), connectivity="any")

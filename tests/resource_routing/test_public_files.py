@@ -18,7 +18,10 @@ OPTIMA = {
 
 
 @pytest.mark.skipif(not FILES.exists(), reason="the public files are not beside the project")
-@pytest.mark.parametrize("name", OPTIMA)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * name.startswith("A-n54")) for name in OPTIMA],
+)
 def test_public_files_are_proven(name):
     model = ct.load(str(FILES / name))
     found = ct.solve(model, NAME)
