@@ -122,7 +122,9 @@ def test_blocks_of_a_curve_add_up_and_their_jackknife_is_the_plain_one() -> None
     assert deviation == pytest.approx(math.hypot(math.sqrt(5 * np.var(left_out)), bend))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
+)
 @pytest.mark.parametrize("backend", BACKENDS, ids=NAMES)
 def test_maps_have_their_known_exponents(backend: Any, seed: int) -> None:
     """Logistic ln 2 (N = 5000) and Hénon 0.419 (N = 5000), to 5 %."""

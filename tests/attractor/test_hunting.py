@@ -118,7 +118,7 @@ def test_orbits_agree_with_scipy(options):
 @pytest.mark.parametrize("options", WILD)
 def test_bodies_stay_in_the_arena_off_each_other_and_slow(options):
     hunt = Hunt(**options)
-    states = hunt_states(hunt, 400, 2.0)
+    states = hunt_states(hunt, 200, 2.0)
     places, speeds = states[..., :2], np.hypot(states[..., 2], states[..., 3])
     assert places.min() > hunt.radius
     assert (places < hunt.arena - hunt.radius).all()
@@ -131,7 +131,7 @@ def test_bodies_stay_in_the_arena_off_each_other_and_slow(options):
     # One that comes may hand on its speed to another.
     assert speeds.max() < 1.5 * hunt.fastest
     # Thrust keeps them going.
-    assert np.ptp(places[-500:, 0], axis=0).max() > 0.01
+    assert np.ptp(places[-250:, 0], axis=0).max() > 0.01
 
 
 def test_a_seed_means_the_same_hunt():

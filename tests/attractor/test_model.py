@@ -143,7 +143,10 @@ def test_states_are_delayed_values():
 
 
 @pytest.mark.parametrize("name", SHORT)
-@pytest.mark.parametrize(("delay", "dimension", "theiler"), [(1, 1, 0), (2, 3, 5), (1, 2, 25)])
+@pytest.mark.parametrize(
+    ("delay", "dimension", "theiler"),
+    [(1, 1, 0), (2, 3, 5), pytest.param(1, 2, 25, marks=pytest.mark.slow)],
+)
 def test_slopes_are_those_of_curves_counted_by_hand(name, delay, dimension, theiler):
     model = AttractorAnalysis(SHORT[name], 0.25)
     states = model.states(delay, dimension)

@@ -64,7 +64,7 @@ def compare(systems, count):
 
 
 def test_the_default_is_near_the_best_on_maps():
-    compare(["logistic", "henon"], 1000)
+    compare(["logistic", "henon"], 600)
 
 
 @pytest.mark.slow

@@ -87,7 +87,7 @@ def test_exponents_of_the_embedding_are_removed():
 
 @pytest.mark.parametrize(
     ("system", "rates", "start", "period", "step"),
-    [("lorenz", lorenz_rates, (8.0, 8, 27), 0.05, 0.01), ("rossler", rossler_rates, (-4.0, 0, 0), 0.3, 0.05)],
+    [("lorenz", lorenz_rates, (8.0, 8, 27), 0.05, 0.01), pytest.param("rossler", rossler_rates, (-4.0, 0, 0), 0.3, 0.05, marks=pytest.mark.slow)],
 )  # fmt: skip
 def test_flows_beside_their_equations(system, rates, start, period, step):
     known = spectrum_of_equations(rates, start, step, 12_000)

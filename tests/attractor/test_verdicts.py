@@ -105,6 +105,8 @@ NOISE = {
     "cube of resonant": arma(500, (1.5, -0.8), seed=5) ** 3,
     "phases of henon": surrogates_of(henon(500), 1, np.random.default_rng(1))[0],
 }
+#: Cases of known motions that differ from the others in speed or length alone.
+LONG = ("slow sine", "fast sine", "ikeda", "chen", "double pendulum")
 CASES = [
     *((name, series, Judgement.REGULAR) for name, series in REGULAR.items()),
     *((name, series, Judgement.CHAOTIC) for name, series in CHAOTIC.items()),
@@ -112,7 +114,13 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("name", "series", "wanted"), CASES, ids=[case[0] for case in CASES])
+@pytest.mark.parametrize(
+    ("name", "series", "wanted"),
+    [
+        pytest.param(*case, id=case[0], marks=[pytest.mark.slow] * (case[0] in LONG))
+        for case in CASES
+    ],
+)
 def test_known_motions_are_judged(name, series, wanted):
     assert judgement(series)[0] is wanted
 
@@ -226,7 +234,7 @@ def test_noise_of_a_narrow_band_is_not_regular():
 
 @pytest.mark.parametrize(
     ("delay", "dimension"),
-    [(100, 4), (95, 4), (1, 300), (200, None), (398, None)],
+    [(100, 4), (95, 4), (1, 390), (200, None), (398, None)],
 )
 def test_an_embedding_as_long_as_the_series_is_judged(delay, dimension):
     given = {"delay": delay} if dimension is None else {"delay": delay, "dimension": dimension}
@@ -236,12 +244,12 @@ def test_an_embedding_as_long_as_the_series_is_judged(delay, dimension):
 
 @pytest.mark.parametrize("size", [0.0, 1e-13])
 def test_a_sensor_that_starts_late_is_judged(size, monkeypatch):
-    """The predictions compare the first samples, here 1000. Cao's method is slow for equal states."""
+    """The predictions compare the first samples, here 500. Cao's method is slow for equal states."""
     for module, name in ((prediction, "SAMPLES"), (verdict, "SAMPLES"), (evidence, "LEADING")):
-        monkeypatch.setattr(module, name, 1000)
+        monkeypatch.setattr(module, name, 500)
     if size:
         monkeypatch.setattr(embedding, "cao_dimension", lambda *_: 2)
-    assert judgement(np.r_[size * arma(1001, ()), arma(500, ())])[0] in Judgement
+    assert judgement(np.r_[size * arma(501, ()), arma(250, ())])[0] in Judgement
 
 
 @pytest.mark.parametrize(
@@ -284,7 +292,7 @@ def test_a_stop_ends_the_choice_of_embeddings():
 
 @pytest.mark.parametrize(
     "series",
-    [np.exp(arma(3000, (0.9,)) / 2), np.round(10 * sine(300, 0.0731))],
+    [np.exp(arma(1500, (0.9,)) / 2), np.round(10 * sine(300, 0.0731))],
     ids=["heavy tails", "ties"],
 )
 def test_evidence_of_heavy_tails_and_ties_is_verified(series):
