@@ -63,7 +63,7 @@ def test_a_loop_is_never_merged_into_one_segment():
 
 @pytest.mark.parametrize("weight", [pytest.param(1e2, marks=pytest.mark.slow), 1e8])
 def test_more_free_knots_never_cost_time(weight):
-    values = [ct.solve(line(free, weight)).primal_bound for free in (0, 1, 3)]
+    values = [ct.solve(line(free, weight)).primal_bound for free in (0, 2)]
     for fewer, more in pairwise(values):
         assert more <= fewer * (1 + MORE)
     assert values[-1] < 0.75 * values[0]

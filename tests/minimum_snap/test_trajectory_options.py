@@ -110,7 +110,10 @@ def test_unknown_options():
 # -- size and state ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("shape", "dimensions"), [("boxes", 2), ("boxes", 3), ("polytopes", 2)])
+@pytest.mark.parametrize(
+    ("shape", "dimensions"),
+    [pytest.param("boxes", 2, marks=pytest.mark.slow), ("boxes", 3), ("polytopes", 2)],
+)
 def test_a_thousand_segments_are_as_many_artists_as_a_hundred(shape, dimensions):
     counts, pieces = [], []
     for segments in (100, 1000):
