@@ -135,6 +135,7 @@ def test_implicit_dynamics_have_rates_as_algebraic_variables():
     assert best.verification.ok and best.primal_bound == pytest.approx(end, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_kinetic_batch_reactor_ends_at_the_published_optimum():
     options = {"refine": False, "degree": 4}
     best = ct.solve(reactor(), formulation="radau", seed=0, formulation_options=options)

@@ -92,6 +92,7 @@ def test_van_der_pol_leaves_and_reaches_its_bounds_at_the_instants_of_the_extrem
     np.testing.assert_allclose([end for _, end in times[:-1]], sorted(instants), atol=5e-3)
 
 
+@pytest.mark.slow
 def test_goddard_burns_follows_the_singular_arc_and_coasts():
     kinds, times, arcs = arcs_of("goddard", "thrust")
     assert kinds == ["upper", "singular", "lower"]

@@ -8,12 +8,13 @@ from control_motions import BELOW, BRYSON, COARSE, CURVE, ENERGY, FALL, push
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnknownName
 from crosstrack.models import ControlPlan
+from crosstrack.solvers.contract.verdict import judge
 
 
 @pytest.mark.parametrize(
     ("name", "value", "formulations"),
     [
-        (CURVE, FALL, ["gauss", "hermite-simpson"]),
+        pytest.param(CURVE, FALL, ["gauss", "hermite-simpson"], marks=pytest.mark.slow),
         pytest.param(CURVE, FALL, ["radau"], marks=pytest.mark.slow),
         pytest.param(BRYSON, 4.0, ["gauss", "radau", "hermite-simpson"], marks=pytest.mark.slow),
         pytest.param(CURVE, FALL, ["paper", "trapezoid"], marks=pytest.mark.slow),
@@ -51,10 +52,11 @@ def test_backends_return_a_verified_motion_or_a_reason(names, able):
     """Check that all backends find the smallest effort from rest to rest, 12."""
     usable = [one.name for one in ct.backends() if one.name in names and one.state == "installed"]
     assert able <= set(usable)
-    found = ct.compare(
-        ct.load(ENERGY), usable, tolerance=1e-5, time_limit=30, workers=2,
-        formulation_options={"intervals": 2, "degree": 4},
-    )  # fmt: skip
+    options = {"tolerance": 1e-5, "formulation_options": {"intervals": 2, "degree": 4}}
+    model = ct.load(ENERGY)
+    found = judge(
+        ENERGY, [ct.solve(model, name, time_limit=30, **options) for name in usable], model
+    )
     solved = []
     for solution in found.solutions:
         if solution.plan is None and solution.stored_plan is None:

@@ -150,6 +150,7 @@ def test_bad_usage_is_2(arguments, words):
     assert done.stdout == "" and "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_compare_is_inconclusive_without_a_bound():
     done = run("compare", ENERGY, "--backends", "ipopt:gauss,ipopt:radau", "--json", code=4)
     data = json.loads(done.stdout)

@@ -108,11 +108,8 @@ JUMPING = {
 #: Entries with a test of their own.
 SLOW = {"free-flying-robot", "quadrotor"}
 #: Solved in the fast tests: singular arcs, bounds on states, several controls, bang-bang controls, parameters,
-#: phases, boundary layers and unstable motions. Tests of the catalogue and of arcs solve further ones.
-FAST = {
-    "aly-chan", "brockett", "bryson-denham", "decay-fit", "double-integrator-fuel", "goddard-phases",
-    "hypersensitive", "linear-regulator", "van-der-pol-limited", "zermelo",
-}  # fmt: skip
+#: phases and boundary layers. Tests of the catalogue, of arcs, of refinement and of the clock solve further ones.
+FAST = {"brockett", "bryson-denham", "decay-fit", "goddard-phases", "hypersensitive"}
 
 
 @functools.cache

@@ -48,7 +48,7 @@ def test_an_unstable_motion_is_integrated_in_windows(intervals, nodes, windows):
     assert not check(unstable().verify(plan(1e-4)), "motion").ok
 
 
-@pytest.mark.parametrize("rate", [60.0, 1e3, 1e6])
+@pytest.mark.parametrize("rate", [60.0, 1e6])
 def test_a_stiff_motion_is_integrated(rate):
     ocp = OptimalControlProblem("stiff")
     phase = ocp.phase(time=(0, 4))

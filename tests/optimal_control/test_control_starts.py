@@ -71,7 +71,7 @@ def test_zero_time_for_several_starts(seconds):
 
 
 def test_names_the_time_limit_between_starts(disc):
-    answer = ct.solve(disc, tolerance=1e-3, formulation_options=COARSE, starts=1000, time_limit=1.0)
+    answer = ct.solve(disc, tolerance=1e-3, formulation_options=COARSE, starts=1000, time_limit=0.5)
     assert len(answer.starts) < 1000
     assert answer.plan is not None
     assert answer.limit == "time"
@@ -79,7 +79,7 @@ def test_names_the_time_limit_between_starts(disc):
 
 def test_names_the_time_limit_before_its_timer_does(disc, monkeypatch):
     monkeypatch.setattr(Control, "arm", lambda control, seconds: None)
-    options = {"formulation_options": COARSE, "starts": 1000, "time_limit": 2, "isolate": False}
+    options = {"formulation_options": COARSE, "starts": 1000, "time_limit": 1.5, "isolate": False}
     answer = ct.solve(disc, tolerance=1e-3, **options)
     assert 1 < len(answer.starts) < 1000 and answer.limit == "time"
 

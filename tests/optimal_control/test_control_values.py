@@ -4,7 +4,10 @@ import pytest
 from control_values import DERIVED, ENTRIES
 
 #: Derivations that take more than a second.
-LONG = {"cart-pole", "catalyst-mixing", "rayleigh", "shuttle-reentry"}
+LONG = {
+    "cart-pole", "catalyst-mixing", "orbit-raising", "rayleigh", "rayleigh-free", "shuttle-reentry",
+    "van-der-pol-limited",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(

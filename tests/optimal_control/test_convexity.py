@@ -147,7 +147,7 @@ def _expression(tree, names):
     return _APPLY[tree[0]](*(_expression(part, names) for part in tree[1:]))
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(tree=_TREES, seed=st.integers(0, 2**16))
 def test_a_recognised_cost_is_convex_along_every_segment(tree, seed):
     def cost(x, v, u, t):
@@ -169,7 +169,7 @@ def test_a_recognised_cost_is_convex_along_every_segment(tree, seed):
     assert (f[1] <= 0.5 * (f[0] + f[2]) + 1e-9 * (1 + np.abs(f).max(axis=0))).all()
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 2**16), shift=st.floats(-1.0, 1.0))
 def test_a_quadratic_cost_is_convex_as_its_least_eigenvalue_is(seed, shift):
     draw = np.random.default_rng(seed)

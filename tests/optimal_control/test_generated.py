@@ -20,7 +20,9 @@ COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     ("make", "states"),
     [
         (brake, [[1.0, 0.0], [0.9, -0.2], [4.0, 1.0]]),
-        (cart_pole, [[0.0, 0.0, 0.2, 0.0], [0.1, 0.2, -0.1, 0.3]]),
+        pytest.param(
+            cart_pole, [[0.0, 0.0, 0.2, 0.0], [0.1, 0.2, -0.1, 0.3]], marks=pytest.mark.slow
+        ),
     ],
 )
 def test_compiled_steps_agree(make, states, tmp_path):

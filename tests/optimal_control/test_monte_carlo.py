@@ -1,6 +1,7 @@
 """Flights with drawn data: agreement with single flights and closed forms, counts, and invalid input."""
 
 from dataclasses import replace
+from functools import cache
 
 import casadi
 import numpy as np
@@ -38,6 +39,12 @@ def drop(speed=2.0):
     phase.dynamics({x: rate})
     ocp.minimise(phase.final(x))
     return ocp.build()
+
+
+@cache
+def dropped():
+    """Return the plan of `drop`, which several tests look at."""
+    return ct.solve(drop(), seed=0).plan
 
 
 DATA = {"mass": (0.8, 1.2), "drag": (0.1, 0.3), "x0": ([-0.1, 0.0], [0.1, 0.2])}
@@ -163,7 +170,7 @@ def test_follows_linked_phases_and_robust_plans():
 )
 def test_rejects_invalid_draws(data, options, text):
     ocp = drop()
-    plan = ct.solve(ocp, seed=0).plan
+    plan = dropped()
     with pytest.raises(InvalidData, match=text):
         monte_carlo(ocp, plan, data, **{"draws": 10, **options})
 

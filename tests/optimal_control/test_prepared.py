@@ -104,13 +104,22 @@ def test_data_are_declared_once_and_finite():
 # -- steps -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("formulation", ["gauss", "radau", "hermite-simpson", "trapezoid"])
 @pytest.mark.parametrize(
-    ("make", "data"),
+    ("make", "data", "formulation"),
     [
-        (brake, {"x0": [0.4, -1.3], "weight": 0.02}),
-        (cart_pole, {"x0": STATES[0]}),
-        (everywhere, {"start": [0.7, -0.4], "drag": 1.0, "limit": 0.8, "price": 0.1}),
+        pytest.param(
+            make, data, formulation, marks=[] if formulation in fast else [pytest.mark.slow]
+        )
+        for make, data, fast in (
+            (brake, {"x0": [0.4, -1.3], "weight": 0.02}, ("gauss", "trapezoid")),
+            (cart_pole, {"x0": STATES[0]}, ("radau",)),
+            (
+                everywhere,
+                {"start": [0.7, -0.4], "drag": 1.0, "limit": 0.8, "price": 0.1},
+                ("gauss", "radau", "hermite-simpson", "trapezoid"),
+            ),
+        )
+        for formulation in ("gauss", "radau", "hermite-simpson", "trapezoid")
     ],
 )
 def test_a_step_equals_a_solve(make, data, formulation):

@@ -18,7 +18,7 @@ from crosstrack.solvers.run.running import Run
         ("linear-regulator", "gauss", None),  # smooth
         ("linear-regulator", "paper", None),
         ("double-integrator", "gauss", 2.0),  # bang-bang
-        ("aly-chan", "gauss", 0.0),  # a singular arc
+        pytest.param("aly-chan", "gauss", 0.0, marks=pytest.mark.slow),  # a singular arc
         pytest.param("double-integrator", "radau", 2.0, marks=pytest.mark.slow),
         pytest.param("aly-chan", "radau", 0.0, marks=pytest.mark.slow),
         ("bryson-denham", "radau", 4.0),  # a wall

@@ -13,7 +13,7 @@ from crosstrack.models.optimal_control.hamiltonian import hamiltonian_spread
 
 SLOW = pytest.mark.slow
 QUICK = settings(
-    max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
+    max_examples=3, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True
 )
 
 

@@ -50,7 +50,7 @@ def relay():
     [
         (brake, "gauss"),
         (cart_pole, "radau"),
-        (everywhere, "gauss"),
+        pytest.param(everywhere, "gauss", marks=pytest.mark.slow),
         (everywhere, "hermite-simpson"),
         (bounded, "trapezoid"),
         (bounded, "gauss"),

@@ -83,7 +83,7 @@ PROBLEMS = {
 
 
 #: A bound, a free time, parameters, a nonlinear motion and scenarios.
-FAST = {"touch", "move", "fit", "glide", "expectation"}
+FAST = {"touch", "fit", "expectation"}
 
 
 @pytest.mark.parametrize(
