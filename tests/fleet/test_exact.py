@@ -18,6 +18,7 @@ from crosstrack.instances.fleet import generate, read_tsplib
 from crosstrack.models import FleetRouting
 from crosstrack.models.fleet import FleetPlan
 from crosstrack.solvers import Diagnosis
+from crosstrack.solvers.contract.verdict import judge
 from crosstrack.solvers.fleet.subset_dp import SubsetDP, shortest_tours
 
 PUBLIC = Path(__file__).parents[3] / "shared" / "data" / "tsplib"
@@ -54,7 +55,7 @@ def fits(formulation, plan):
 # -- against enumeration -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", [*range(1, 13), 60, 107, 116, 129, 323])
+@pytest.mark.parametrize("seed", [*range(1, 9), 60, 107, 116, 129, 323])
 def test_three_index_equals_enumeration(seed):
     model = random_fleet(seed)
     value, plan = best(model)
@@ -251,7 +252,8 @@ SMALL = [
 
 
 def test_exact_methods_agree():
-    verdict = ct.compare([ct.load("fleet/example")], ["subset-dp", "highs"], time_limit=60)
+    model = ct.load("fleet/example")
+    verdict = judge(model.name, [ct.solve(model, name) for name in ("subset-dp", "highs")], model)
     assert verdict.outcome == "AGREED", verdict
 
 

@@ -60,7 +60,7 @@ def test_verifies_optima_of_the_enumeration(block):
     assert feasible > 15
 
 
-@pytest.mark.parametrize("name", ["mixed-6", "windows-7"])
+@pytest.mark.parametrize("name", ["mixed-6", pytest.param("windows-7", marks=pytest.mark.slow)])
 def test_optima_of_the_catalogue_are_those_of_the_enumeration(name):
     model = ct.load(f"fleet/{name}")
     value, plan = enumerate_best(model)

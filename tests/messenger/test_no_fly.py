@@ -94,7 +94,7 @@ def wall(**fields):
     )
 
 
-@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("closed", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_search_flies_around_the_zones_within_the_bound(closed):
     model = wall(closed=closed)
     best = ct.solve(model, seed=1)

@@ -310,7 +310,7 @@ def test_the_shortest_encounters_have_no_earlier_ones() -> None:
 def test_wild_cases_have_valid_plans_or_none(name: str) -> None:
     plans = 0
     for seed in range(20):
-        model = wild(seed, 3 if name == "direct-sampling" else 8)
+        model = wild(seed, 2 if name == "direct-sampling" else 8)
         if model.turning_radius == 0:
             continue
         options = {}

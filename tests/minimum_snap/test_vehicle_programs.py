@@ -111,19 +111,16 @@ def test_limits_that_only_the_linearisation_exceeds_prove_nothing():
 
 def test_a_linearisation_that_has_not_converged_is_feasible(monkeypatch):
     model = MinimumSnap(POINTS, TIMES, vehicle=Quadrotor(1.0, (0, 90), body_rate=3.0))
-    best = ct.solve(model, "clarabel")
-    assert best.termination is Termination.LOCALLY_OPTIMAL
     monkeypatch.setattr("crosstrack.models.minimum_snap.formulations.vehicles.STEPS", 3)
     early = ct.solve(model, "clarabel")
     assert early.termination is Termination.FEASIBLE and "not converged" in early.message
-    assert early.verified and early.primal_bound > best.primal_bound * (1 + 1e-5)
+    assert early.verified and early.dual_bound is None
 
 
 def test_conic_solvers_agree():
     model = MinimumSnap(POINTS, TIMES, vehicle=PointMass(speed=5.0, acceleration=9.9))
-    comparison = ct.compare(model, ["clarabel", "scs"])
-    bounds = [solution.primal_bound for solution in comparison.solutions]
-    assert len(bounds) == 2 and bounds[0] == pytest.approx(bounds[1], rel=1e-5)
+    bounds = [ct.solve(model, name).primal_bound for name in ("clarabel", "scs")]
+    assert bounds[0] == pytest.approx(bounds[1], rel=1e-5)
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e6])
