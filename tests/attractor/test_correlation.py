@@ -117,6 +117,7 @@ def test_henon_has_its_known_dimension(start: float) -> None:
     assert abs(answer.statistics["one dimension more"] - found.value) < 0.1
 
 
+@pytest.mark.slow
 def test_lorenz_has_its_known_dimension() -> None:
     """2.05 to 0.1 with 5000 samples."""
     found = run(BACKEND, lorenz(5000, 0.05), delay=3, dimension=3, theiler=30).point.correlation

@@ -133,9 +133,9 @@ def noisy(x, share=0.1, seed=0):
 @pytest.mark.parametrize(
     "series",
     [
-        pytest.param(noisy(logistic(1000)), id="logistic"),
+        pytest.param(noisy(logistic(1000)), id="logistic", marks=pytest.mark.slow),
         pytest.param(noisy(henon(1000)), id="henon"),
-        pytest.param(noisy(lorenz(1000, 0.05)), id="lorenz"),
+        pytest.param(noisy(lorenz(1000, 0.05)), id="lorenz", marks=pytest.mark.slow),
         pytest.param(noisy(rossler(1000, 0.2)), id="rossler", marks=pytest.mark.slow),
         pytest.param(noisy(henon(500), 0.5), id="henon in half as much noise"),
         pytest.param(np.exp(henon(300)), id="bent"),

@@ -282,6 +282,7 @@ def test_auto_learns_if_there_are_drives_to_learn_from():
     assert recommended(generate(drivers=0)).name == "rts-smoother"
 
 
+@pytest.mark.slow
 def test_auto_is_near_the_best_in_every_scenario():
     ratios = []
     for fields in (

@@ -15,6 +15,7 @@ from crosstrack.models.sideslip.dynamics import advance, measured, parameters
 from crosstrack.models.sideslip.full_information import misfit
 from crosstrack.solvers import find_backend
 from crosstrack.solvers.contract.backend import Answer, Limit, Request, Termination
+from crosstrack.solvers.contract.verdict import judge
 from crosstrack.solvers.sideslip.moving_horizon import _root
 
 #: All backends of quadratic programs.
@@ -103,7 +104,8 @@ def test_estimators_are_compared_by_their_distance():
     model = kinematic(60, noise=(0.002, 0.05))
     names = ["rts-smoother", "clarabel", "moving-horizon"]
     options = {"moving-horizon": {"horizon": 0}}
-    verdict = ct.compare([model], names, backend_options=options).verdicts[0]
+    answers = [ct.solve(model, name, backend_options=options.get(name, {})) for name in names]
+    verdict = judge("circle", answers, model)
     assert verdict.outcome == "AGREED"
     assert "agreement, not optimality" in verdict.evidence
     plans = [solution.plan for solution in verdict.solutions]

@@ -54,6 +54,7 @@ def test_error_and_coverage_in_cross_validation(drive):
     assert 0.90 <= coverage <= 0.98
 
 
+@pytest.mark.slow
 def test_the_declared_noise_fails_after_identification_and_the_identified_one_is_too_small(drive):
     end = int(stanford.SHARE * len(drive))
     car = dataclasses.replace(stanford.GUESS, tyre="magic-formula")
