@@ -18,7 +18,7 @@ from crosstrack.solvers import Control, find_backend
 from crosstrack.solvers.black_box.quiet import quiet
 
 SQUARE = ((-1, 2), (-1, 2))
-EMPTY = BlackBoxMinimisation(None, SQUARE, budget=70)
+EMPTY = BlackBoxMinimisation(None, SQUARE, budget=40)
 WAVY = {"name": "rastrigin", "shift": [0.4, -0.2]}
 
 
@@ -69,7 +69,7 @@ def test_ask_and_tell_gives_the_plan_of_a_run_with_constraints(name):
 
 def test_a_generation_is_asked_for_at_once():
     with ct.prepare(EMPTY, "random-search", seed=1) as asking:
-        assert asking.ask().shape == (70, 2) and asking.best is None and asking.value == math.inf
+        assert asking.ask().shape == (40, 2) and asking.best is None and asking.value == math.inf
         xs = asking.ask()
         asking.tell(xs[5], wavy(xs[5:6]))
         np.testing.assert_array_equal(asking.ask(), np.delete(xs, 5, axis=0))
@@ -81,7 +81,7 @@ def test_options_of_a_search_by_ask_and_tell():
         assert len(conduct(asking)) == 9
     with ct.prepare(EMPTY, "differential-evolution", seed=1, target=20.0) as asking:
         points = conduct(asking)
-        assert len(points) < 70 and asking.value <= 20 and "limit: target" in asking.message
+        assert len(points) < 40 and asking.value <= 20 and "limit: target" in asking.message
     with ct.prepare(EMPTY, "random-search", warm_start={"x": [0.4, -0.2]}) as asking:
         np.testing.assert_array_equal(asking.ask(), [[0.4, -0.2]])
         conduct(asking)
@@ -90,7 +90,7 @@ def test_options_of_a_search_by_ask_and_tell():
     with ct.prepare(EMPTY, "differential-evolution", backend_options=own) as asking:
         assert len(asking.ask()) == 5
     with ct.prepare(EMPTY, limits=ct.Limits(seed=2)) as asking:
-        assert len(conduct(asking)) == 70
+        assert len(conduct(asking)) == 40
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ def test_fewer_evaluations_than_the_budget_may_be_granted_not_more(name):
 
 @pytest.mark.parametrize("name", DRAWING)
 def test_searches_that_draw_go_on_when_they_have_converged(name):
-    budget = allowed(name, 200, 2500)
+    budget = allowed(name, 100, 2500)
     model = box("sphere", (-1, 2), (-3, 1), budget=budget)
     _, oracle = search(name, model, **({"surrogate": 40} if name == "surrogate-search" else {}))
     assert len(oracle.points) == budget
@@ -130,7 +130,10 @@ def test_no_value_anywhere(name):
     ],
 )
 def test_strange_functions(name, function, bounds, most):
-    budget = 140 if name == "cobyqa" else allowed(name, 40, 200)
+    # COBYQA needs more evaluations if the values have extreme sizes.
+    budget = allowed(name, 30, 200)
+    if name == "cobyqa":
+        budget = 60 if 1e-100 < abs(most) < 1e100 else 200
     model = box(function, *bounds, budget=budget)
     answer, _ = search(name, model, seed=1)
     found = model.verify(answer.point)
