@@ -3,8 +3,6 @@
 from functools import cache
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.signal import lfilter
 
 from crosstrack.models import AttractorAnalysis
 from crosstrack.solvers import Control, Request, find_backend
@@ -26,6 +24,8 @@ def henon(n, start=0.1):
 
 
 def flow(field, n, step, start=(1.0, 1.0, 1.0)):
+    from scipy.integrate import solve_ivp
+
     times = 40 + step * np.arange(n)
     options = {"rtol": 1e-8, "atol": 1e-8, "t_eval": times}
     return solve_ivp(field, (0, times[-1]), start, **options).y[0]
@@ -46,6 +46,8 @@ def rossler(n, step=0.1):
 
 def arma(n, back, ahead=(), seed=0):
     """Return noise that follows its `back` last values and the `ahead` last shocks."""
+    from scipy.signal import lfilter
+
     shocks = np.random.default_rng(seed).normal(size=n + 500)
     return lfilter([1, *ahead], [1, *(-b for b in back)], shocks)[500:]
 

@@ -72,18 +72,21 @@ def test_curves_are_those_of_plain_loops(delay):
 @pytest.mark.parametrize(
     ("series", "low", "high"),
     [
-        pytest.param(henon(1000), 2, 2, id="henon"),
-        pytest.param(henon(50000), 2, 2, id="henon, long"),
-        pytest.param(henon(60), 2, 3, id="henon, short"),
-        pytest.param(logistic(500), 1, 2, id="logistic"),
-        pytest.param(lorenz(4000, 0.02), 3, 4, id="lorenz"),
-        pytest.param(rossler(4000, 0.1), 3, 4, id="rossler"),
-        pytest.param(np.cos(np.arange(2000) * 0.1571), 2, 2, id="cosine"),
-        pytest.param(np.cos(np.arange(2000) * 2 * np.pi / 40), 2, 2, id="cosine of 40 values"),
-        pytest.param(arma(2000, (1.8, -0.9)), 7, 10, id="noise in colours"),
+        pytest.param(lambda: henon(1000), 2, 2, id="henon"),
+        pytest.param(lambda: henon(50000), 2, 2, id="henon, long"),
+        pytest.param(lambda: henon(60), 2, 3, id="henon, short"),
+        pytest.param(lambda: logistic(500), 1, 2, id="logistic"),
+        pytest.param(lambda: lorenz(4000, 0.02), 3, 4, id="lorenz"),
+        pytest.param(lambda: rossler(4000, 0.1), 3, 4, id="rossler"),
+        pytest.param(lambda: np.cos(np.arange(2000) * 0.1571), 2, 2, id="cosine"),
+        pytest.param(
+            lambda: np.cos(np.arange(2000) * 2 * np.pi / 40), 2, 2, id="cosine of 40 values"
+        ),
+        pytest.param(lambda: arma(2000, (1.8, -0.9)), 7, 10, id="noise in colours"),
     ],
 )
 def test_known_dimensions(series, low, high):
+    series = series()
     assert low <= cao_dimension(series, first_minimum(series)) <= high
 
 
@@ -148,9 +151,14 @@ def test_false_neighbours_are_those_of_plain_loops(delay):
 @pytest.mark.parametrize("name", ["cao", "false-neighbours"])
 @pytest.mark.parametrize(
     ("series", "low", "high"),
-    [(henon(1000), 2, 2), (lorenz(3000, 0.02), 3, 4), (rossler(2000, 0.1), 3, 4)],
+    [
+        (lambda: henon(1000), 2, 2),
+        (lambda: lorenz(3000, 0.02), 3, 4),
+        (lambda: rossler(2000, 0.1), 3, 4),
+    ],
 )
 def test_backends_find_known_dimensions(name, series, low, high):
+    series = series()
     model, answer = analysed(name, series)
     plan = answer.point
     assert low <= plan.dimension <= high

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from attractor.counted import fitted, plain_divergence, plain_sums
 from hypothesis import given, settings, strategies as st
-from scipy.signal import lfilter
 
 from crosstrack.errors import HiddenData, InvalidData, UnsupportedOption
 from crosstrack.models import Model
@@ -60,7 +59,7 @@ def checked(model, plan):
     [
         ({"series": np.arange(49.0)}, "series must hold 50 … 10000000 samples, got 49", "series"),
         ({"series": []}, "series must hold 50 … .* got 0", "series"),
-        ({"series": np.arange(10_000_001)}, "got 10000001", "series"),
+        ({"series": np.broadcast_to(1.0, 10_000_001)}, "got 10000001", "series"),
         ({"series": np.full(60, 2.5)}, "must not be constant, got 2.5 at all 60 samples", "series"),
         ({"series": np.zeros((60, 2))}, r"shape \(n\), got \(60, 2\)|shape", "series"),
         ({"series": [*range(60), math.nan]}, r"series\[60\] must be finite, got nan", "series"),
@@ -290,6 +289,8 @@ def test_scale_shift_and_period_of_a_series(scale, shift, period, seed):
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("feedback", [(), (-1.9, 0.96)])
 def test_noise_has_a_dimension_near_the_paper_s(seed, feedback):
+    from scipy.signal import lfilter
+
     shocks = np.random.default_rng(seed).normal(size=3000)
     series = lfilter([1.0], [1.0, *feedback], shocks)[2000:]
     spread = float(np.ptp(series))

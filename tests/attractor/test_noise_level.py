@@ -20,10 +20,15 @@ def level_of(series, delay=1, dimension=3):
 @pytest.mark.parametrize(
     ("series", "delay", "shares"),
     # Noise of 2 % in 2,000 samples of a flow is not found.
-    [(henon(2000), 1, (0.02, 0.1)), (logistic(2000), 1, (0.02, 0.1)), (rossler(2000, 0.3), 2, (0.1,))],
+    [
+        (lambda: henon(2000), 1, (0.02, 0.1)),
+        (lambda: logistic(2000), 1, (0.02, 0.1)),
+        (lambda: rossler(2000, 0.3), 2, (0.1,)),
+    ],
     ids=["henon", "logistic", "rossler"],
-)  # fmt: skip
+)
 def test_clean_series_have_no_noise_and_noise_raises_the_level(series, delay, shares):
+    series = series()
     levels = [level_of(noisy(series, share), delay) for share in shares]
     assert level_of(series, delay) < 2e-3 < levels[0]
     assert levels == sorted(levels) and levels[-1] < 0.15

@@ -78,32 +78,33 @@ def judgement(series, name="surrogates", **options):
     return answer.point.surrogates.judgement, answer
 
 
+#: Functions of the series, by motion.
 REGULAR = {
-    "sine": sine(1000),
-    "slow sine": sine(1000, 0.03),
-    "fast sine": sine(1000, 1.9),
-    "torus": torus(1000),
-    "van der pol": van_der_pol(1000),
-    "period 3": np.tile([0.16, 0.5, 0.96], 100),
-    "noisy sine": sine(1000) + 0.03 * arma(1000, ()),
+    "sine": lambda: sine(1000),
+    "slow sine": lambda: sine(1000, 0.03),
+    "fast sine": lambda: sine(1000, 1.9),
+    "torus": lambda: torus(1000),
+    "van der pol": lambda: van_der_pol(1000),
+    "period 3": lambda: np.tile([0.16, 0.5, 0.96], 100),
+    "noisy sine": lambda: sine(1000) + 0.03 * arma(1000, ()),
 }
 CHAOTIC = {
-    "logistic": logistic(1000),
-    "henon": henon(1000),
-    "ikeda": ikeda(1000),
-    "lorenz": lorenz(1000, 0.05),
-    "chen": chen(3000),
-    "double pendulum": double_pendulum(6000),
-    "noisy henon": henon(1000) + 0.035 * arma(1000, ()),
+    "logistic": lambda: logistic(1000),
+    "henon": lambda: henon(1000),
+    "ikeda": lambda: ikeda(1000),
+    "lorenz": lambda: lorenz(1000, 0.05),
+    "chen": lambda: chen(3000),
+    "double pendulum": lambda: double_pendulum(6000),
+    "noisy henon": lambda: henon(1000) + 0.035 * arma(1000, ()),
 }
 NOISE = {
-    "white": arma(500, (), seed=1),
-    "resonant": arma(500, (1.7, -0.9), seed=2),
-    "coloured": arma(500, (0.9,), seed=3),
-    "1/f": pink(500),
-    "exponential of coloured": np.exp(arma(500, (0.8,), seed=4) / 2),
-    "cube of resonant": arma(500, (1.5, -0.8), seed=5) ** 3,
-    "phases of henon": surrogates_of(henon(500), 1, np.random.default_rng(1))[0],
+    "white": lambda: arma(500, (), seed=1),
+    "resonant": lambda: arma(500, (1.7, -0.9), seed=2),
+    "coloured": lambda: arma(500, (0.9,), seed=3),
+    "1/f": lambda: pink(500),
+    "exponential of coloured": lambda: np.exp(arma(500, (0.8,), seed=4) / 2),
+    "cube of resonant": lambda: arma(500, (1.5, -0.8), seed=5) ** 3,
+    "phases of henon": lambda: surrogates_of(henon(500), 1, np.random.default_rng(1))[0],
 }
 #: Cases of known motions that differ from the others in speed or length alone.
 LONG = ("slow sine", "fast sine", "ikeda", "chen", "double pendulum")
@@ -122,7 +123,7 @@ CASES = [
     ],
 )
 def test_known_motions_are_judged(name, series, wanted):
-    assert judgement(series)[0] is wanted
+    assert judgement(series())[0] is wanted
 
 
 @pytest.mark.parametrize("n", [500, pytest.param(1500, marks=pytest.mark.slow)])
