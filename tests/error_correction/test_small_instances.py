@@ -18,12 +18,6 @@ from crosstrack.models import ErrorCorrectionRouting
 PRINTED = ["two-stage", "pulse", "dynamic-programming"]
 NATIVE = ["label-setting", *PRINTED]
 
-SIMPLE = [random_small(3 + seed % 7, seed, name=f"simple-{seed}") for seed in range(250)]
-FREE = [
-    random_small(3 + seed % 7, 1000 + seed, revisits=True, name=f"free-{seed}")
-    for seed in range(250)
-]
-
 
 def twice(seed):
     """An instance around a walk that must return to a hub, with a few other points beside it.
@@ -55,22 +49,28 @@ def twice(seed):
 
 #: Seeds for which brute force alone, which knows no dominance, takes more than half a second.
 LONG = (7, 19, 30, 38, 74, 99, 110, 118, 146, 154)
-TWICE = [twice(seed) for seed in range(160) if seed not in LONG]
-MODELS = {model.digest: model for model in SIMPLE + FREE + TWICE + [twice(seed) for seed in LONG]}
-
-
-#: Every fifth instance in the fast tests, all in the slow ones.
-steps = pytest.mark.parametrize("step", [5, pytest.param(1, marks=pytest.mark.slow)])
 
 
 @cache
-def _length_of(digest):
-    return shortest_length(MODELS[digest])
+def drawn(kind, step=1):
+    """Return every `step`-th instance: without revisits, with revisits, or around a hub."""
+    if kind == "twice":
+        return [twice(seed) for seed in [s for s in range(160) if s not in LONG][::step]]
+    first, revisits = {"simple": (0, False), "free": (1000, True)}[kind]
+    return [
+        random_small(3 + seed % 7, first + seed, revisits=revisits, name=f"{kind}-{seed}")
+        for seed in range(0, 250, step)
+    ]
 
 
+#: Every tenth instance in the fast tests, all in the slow ones.
+steps = pytest.mark.parametrize("step", [10, pytest.param(1, marks=pytest.mark.slow)])
+
+
+@cache
 def length_of(model):
     """Return the length of the shortest route by brute force, once per model."""
-    return _length_of(model.digest)
+    return shortest_length(model)
 
 
 def check(models, result):
@@ -94,11 +94,11 @@ def check(models, result):
 
 @steps
 def test_the_draw_holds_both_kinds(step):
-    for models in (SIMPLE[::step], FREE[::step]):
+    for models in (drawn("simple", step), drawn("free", step)):
         infeasible = sum(length_of(model) is None for model in models)
         assert 0.2 < infeasible / len(models) < 0.8
     lost = longer = 0
-    for model in TWICE[::step]:
+    for model in drawn("twice", step):
         other = shortest_length(replace(model, revisits=not model.revisits))
         walk, route = length_of(model), other
         if not model.revisits:
@@ -112,18 +112,19 @@ def test_the_draw_holds_both_kinds(step):
 @cache
 def simple_answers(step, *backends):
     """The comparison of `backends` on the simple instances; several tests look at the same."""
-    return ct.compare(SIMPLE[::step], backends, time_limit=60)
+    return ct.compare(drawn("simple", step), backends, time_limit=60)
 
 
 @steps
-@pytest.mark.parametrize("models", [SIMPLE, FREE, TWICE], ids=["simple", "free", "twice"])
-def test_native_backends_equal_brute_force(models, step):
-    if models is SIMPLE:
+@pytest.mark.parametrize("kind", ["simple", "free", "twice"])
+def test_native_backends_equal_brute_force(kind, step):
+    models = drawn(kind, step)
+    if kind == "simple":
         result = simple_answers(step, *NATIVE)
     else:
-        result = ct.compare(models[::step], NATIVE[:1], time_limit=60)
-    check(models[::step], result)
-    if models is TWICE:
+        result = ct.compare(models, NATIVE[:1], time_limit=60)
+    check(models, result)
+    if kind == "twice":
         # The searches for simple routes have run.
         assert sum(one.statistics["rounds"] > 1 for one in result.solutions) >= 20 / step
 
@@ -131,7 +132,7 @@ def test_native_backends_equal_brute_force(models, step):
 @steps
 def test_the_papers_algorithms_find_no_better_than_brute_force(step):
     """Around hubs that a walk visits twice; without a proof in some cases."""
-    models = [model for model in TWICE if not model.revisits][::step]
+    models = [model for model in drawn("twice") if not model.revisits][::step]
     result = ct.compare(models, PRINTED, time_limit=60)
     check(models, result)
     for name in PRINTED:
@@ -152,14 +153,14 @@ def test_native_backends_equal_long_brute_force():
 @steps
 @pytest.mark.parametrize("formulation", ["paper", "arc-flow"])
 def test_programs_equal_brute_force(formulation, step):
-    check(SIMPLE[::step], simple_answers(step, f"highs:{formulation}"))
+    check(drawn("simple", step), simple_answers(step, f"highs:{formulation}"))
 
 
 @pytest.mark.parametrize("step", [50, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("backend", ["scip", "scipy", "ortools", "cvxpy"])
 def test_other_solvers_equal_brute_force(backend, step):
     """All solvers receive the same programs, so this tests only their adapters."""
-    models, names = SIMPLE[::step], [f"{backend}:paper", f"{backend}:arc-flow"]
+    models, names = drawn("simple", step), [f"{backend}:paper", f"{backend}:arc-flow"]
     check(models, ct.compare(models, names, time_limit=60))
 
 
@@ -169,7 +170,7 @@ def test_every_plan_encodes_into_both_formulations(step):
     parts = [NATIVE, ["labelling"], ["highs:paper"], ["highs:arc-flow"]]
     results = [simple_answers(step, *names) for names in parts]
     plans = 0
-    for row, model in enumerate(SIMPLE[::step]):
+    for row, model in enumerate(drawn("simple", step)):
         written = [model.formulate("paper"), model.formulate("arc-flow")]
         for solution in (s for result in results for s in result.verdicts[row].solutions):
             if solution.plan is None:
@@ -187,7 +188,7 @@ def test_every_plan_encodes_into_both_formulations(step):
 @steps
 def test_revisits_never_cost(step):
     """The relaxation is a relaxation: allowing revisits never makes the shortest route longer."""
-    for model in FREE[::step]:
+    for model in drawn("free", step):
         simple = shortest_length(replace(model, revisits=False))
         if simple is not None:
             assert length_of(model) <= simple + 1e-12
