@@ -12,7 +12,7 @@ from crosstrack.instances import entries
 from crosstrack.models import Model
 from crosstrack.solvers import Solution
 
-#: Entries, or the problem of entries, that take more than a second or so.
+#: Entries, or the problem of entries, that take more than a second or so, and are not drawn.
 SLOW = {
     *("error-correction/10", "error-correction/11"),
     "minimum-snap/corridor-1000",
@@ -58,12 +58,6 @@ def is_slow(entry):
     )
 
 
-def cases():
-    """Every entry of the catalogue, marked slow if solving it is slow."""
-    for entry in entries():
-        yield pytest.param(entry, id=entry.name, marks=[pytest.mark.slow] if is_slow(entry) else [])
-
-
 def drawn():
     """Names of the entries drawn here: the first, middle and last quick one of each model."""
     by_model = {}
@@ -74,6 +68,34 @@ def drawn():
 
 
 DRAWN = drawn()
+#: Further entries that are solved in the fast tests: the first of a model with its set of fields, free ends and phases.
+FIELDS = {
+    f"{problem}/{name}"
+    for problem, names in {
+        "attractor": "henon hunt mackey-glass noise-10db sine",
+        "error-correction": "example-1 suspect-21",
+        "fleet": "battery battery-too-small bounded capacity deviation-7-q4 each-its-own windows-7",
+        "flight": "crossing snap",
+        "grid-path": "terrain",
+        "guided-path": "chains-and-pairs one relation-12",
+        "messenger": "euclidean",
+        "minimum-snap": "figure-eight gate-2d",
+        "optimal-control": "decay-fit goddard-phases",
+        "resource-routing": "network-5 network-20-again",
+        "sequential-ordering": "one-order ring",
+        "sideslip": "unknown",
+        "unknown-grid": "close-walls corners crossing eight-neighbours noise occlusion",
+    }.items()
+    for name in names.split()
+}
+
+
+def cases():
+    """Every entry of the catalogue, marked slow unless it is drawn or has fields of its own."""
+    assert {entry.name for entry in entries()} >= FIELDS
+    for entry in entries():
+        marks = [] if entry.name in DRAWN | FIELDS else [pytest.mark.slow]
+        yield pytest.param(entry, id=entry.name, marks=marks)
 
 
 def solved(entry):

@@ -7,6 +7,7 @@ import inspect
 import pkgutil
 import re
 import sys
+from pathlib import Path
 
 import pytest
 from imports import imported, modules
@@ -112,9 +113,10 @@ def test_docstrings_exist_and_their_examples_hold(name):
             assert text, f"{name}.{export} has no docstring"
             # A dataclass without one is given its signature.
             assert not text.startswith(f"{export}("), f"{name}.{export} has no docstring"
-    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-    failed, _ = doctest.testmod(module, optionflags=flags)
-    assert not failed
+    if ">>>" in Path(module.__file__).read_text("utf-8"):
+        flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+        failed, attempted = doctest.testmod(module, optionflags=flags)
+        assert attempted and not failed
 
 
 def test_no_module_is_far_above_400_lines(checkout):

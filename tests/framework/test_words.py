@@ -68,6 +68,8 @@ CLASSES = {
         "the search goes on",
     ),
 }  # fmt: skip
+#: Finds every hit of any class: most lines have none.
+ANY = re.compile("|".join(f"(?:{pattern})" for _, pattern, _ in CLASSES.values()))
 #: Places in code or mathematics, which are no prose.
 CODE = re.compile(r"``[^`]*``|`[^`]*`|\$[^$]*\$|:[a-z:]+:`[^`]*`")
 
@@ -116,11 +118,9 @@ def count_hits(paths):
             prose = CODE.sub("`x`", line).strip()
             if prose:
                 lines += 1 + len(prose) // 110  # long lines of pages count for several
-                hits.update(
-                    name
-                    for name, (_, pattern, _) in CLASSES.items()
-                    for _ in re.finditer(pattern, prose)
-                )
+                if ANY.search(prose):
+                    for name, (_, pattern, _) in CLASSES.items():
+                        hits[name] += len(re.findall(pattern, prose))
     return lines, hits
 
 
