@@ -12,6 +12,7 @@ import sys
 import warnings
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -248,6 +249,25 @@ def run_python() -> Callable[..., str]:
         return done.stdout
 
     return run
+
+
+@pytest.fixture(scope="module")
+def interpreted_workers() -> Iterator[None]:
+    """Interpret the loops in the worker processes of a module, which then load no compiled code.
+
+    Results are the same. On small instances, importing Numba takes most of the time of a worker.
+    """
+    import numba  # noqa: F401  # it reads the variable when it is imported: this process compiles
+
+    from crosstrack.solvers.processes import pool
+
+    idle: list[Any] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("NUMBA_DISABLE_JIT", "1")
+        patch.setattr(pool, "_idle", idle)
+        yield
+        for worker in idle:
+            worker.close()
 
 
 @pytest.fixture(scope="module")
