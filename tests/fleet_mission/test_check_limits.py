@@ -296,8 +296,17 @@ FAULTS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("scale", SCALES)
-@pytest.mark.parametrize(("name", "case"), pairs(LIMITS))
+#: Each case at one scale in the fast tests, in turn, and at all scales in the slow ones.
+SCALED = [
+    pytest.param(
+        *one.values, scale, id=f"{one.id}-{scale:g}", marks=[pytest.mark.slow] * (k % 3 != n)
+    )
+    for k, one in enumerate(pairs(LIMITS))
+    for n, scale in enumerate(SCALES)
+]
+
+
+@pytest.mark.parametrize(("name", "case", "scale"), SCALED)
 def test_a_limit_is_kept_within_its_tolerance(name, case, scale):
     assert_limit(name, lambda share: case(scale, share))
 
