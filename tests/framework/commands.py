@@ -37,11 +37,14 @@ def joined(*paths):
 
 
 def run_all(commands, cwd, *paths):
-    """Return the finished `commands`, run in one fresh process that finds modules in `paths` too."""
+    """Return the finished `commands`, run in one fresh process that finds modules in `paths` too.
+
+    The loops are not compiled.
+    """
     done = subprocess.run(
         [sys.executable, __file__],
         input=json.dumps([list(map(str, one)) for one in commands]),
-        env={**os.environ, "PYTHONPATH": joined(*paths)},
+        env={**os.environ, "PYTHONPATH": joined(*paths), "NUMBA_DISABLE_JIT": "1"},
         cwd=cwd, capture_output=True, text=True, timeout=240, check=False,
     )  # fmt: skip
     assert done.returncode == 0, (done.stdout[-2000:], done.stderr[-3000:])

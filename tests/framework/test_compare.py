@@ -214,8 +214,8 @@ def test_campaign_resumes_with_nothing_lost_and_nothing_twice(tmp_path, model):
     ]
     assert second.outcome == first.outcome == "AGREED"
     # Another option is another job.
-    ct.compare(models, backends, record=record, resume=True, time_limit=21)
-    assert len((tmp_path / "runs").read_text().splitlines()) == 12
+    ct.compare(models[0], backends[:1], record=record, resume=True, time_limit=21)
+    assert len((tmp_path / "runs").read_text().splitlines()) == 7
 
 
 def test_damaged_record_is_refused_and_kept(tmp_path, model):

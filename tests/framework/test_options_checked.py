@@ -2,6 +2,7 @@
 
 import json
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ KINDS = (
 )
 
 
+@cache
 def a_plan(name):
     """Return a plan of the right kind for the model called `name`, good or not."""
     model = ct.load(name)

@@ -94,7 +94,7 @@ def compare_with_natives(model, seconds):
         )
 
 
-@pytest.mark.parametrize("name", NAMES[::40])
+@pytest.mark.parametrize("name", NAMES[::80])
 def test_the_default_is_no_worse_on_some_of_the_catalogue(name):
     compare_with_natives(ct.load(name), SECONDS)
 

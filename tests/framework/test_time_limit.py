@@ -29,7 +29,7 @@ SLACK = 2.0
     "model",
     [
         "ct.models.MinimumSnap([[0, 0], [1, 2], [3, 1]], [0, 1, 2], velocity_limit=4.0)",
-        "ct.load('minimum-snap/gate-2d')",
+        pytest.param("ct.load('minimum-snap/gate-2d')", marks=pytest.mark.slow),
         "ct.load('messenger/B-03-04')",
         "ct.load('fleet-mission/pocket')",
     ],
