@@ -36,14 +36,14 @@ def joined(*paths):
     return os.pathsep.join(filter(None, found))
 
 
-def run_all(commands, cwd, *paths):
+def run_all(commands, cwd, *paths, hidden=()):
     """Return the finished `commands`, run in one fresh process that finds modules in `paths` too.
 
-    The loops are not compiled.
+    The loops are not compiled, and the packages `hidden` cannot be imported.
     """
     done = subprocess.run(
         [sys.executable, __file__],
-        input=json.dumps([list(map(str, one)) for one in commands]),
+        input=json.dumps([[list(map(str, one)) for one in commands], list(hidden)]),
         env={**os.environ, "PYTHONPATH": joined(*paths), "NUMBA_DISABLE_JIT": "1"},
         cwd=cwd, capture_output=True, text=True, timeout=240, check=False,
     )  # fmt: skip
@@ -52,5 +52,7 @@ def run_all(commands, cwd, *paths):
 
 
 if __name__ == "__main__":
-    finished = [run(*one, code=None) for one in json.load(sys.stdin)]
+    commands, hidden = json.load(sys.stdin)
+    sys.modules.update(dict.fromkeys(hidden))
+    finished = [run(*one, code=None) for one in commands]
     print(json.dumps([[one.args, one.returncode, one.stdout, one.stderr] for one in finished]))

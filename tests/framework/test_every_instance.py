@@ -111,7 +111,20 @@ def solved(entry):
     )
 
 
-@pytest.mark.parametrize("entry", entries(), ids=lambda entry: entry.name)
+#: Entries with much data, each like a smaller one.
+LARGE = {
+    *("attractor/hunt-calm", "attractor/hunt-long", "sequential-ordering/random-500-1000-60"),
+    *(f"unknown-grid/task-{task}-{walls}" for task in (1, 2, 3) for walls in (3, 4, 5)),
+}
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        pytest.param(entry, id=entry.name, marks=[pytest.mark.slow] if entry.name in LARGE else [])
+        for entry in entries()
+    ],
+)
 def test_its_data_travels(entry):
     model = entry.build()
     assert model.kind == entry.model
