@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -227,6 +228,22 @@ class BlockProgram(Program):
         """Number of rows."""
         return int(self.row_lower.size)
 
+    def outline(self) -> str:
+        """Return the size in a few words."""
+        integral = "" if self.continuous else f", {int(self.integer_columns.sum())} integral"
+        return f"{self.row_count} rows, {self.size} columns{integral}"
+
+    @property
+    def integer_columns(self) -> NDArray[np.bool_]:
+        """Columns that must be integers, shape (n,)."""
+        integral = getattr(self, "integral", None)
+        return np.zeros(self.size, bool) if integral is None else integral
+
+    @property
+    def continuous(self) -> bool:
+        """Whether no column must be an integer."""
+        return not self.integer_columns.any()
+
     @property
     def _rows(self) -> tuple[Block, ...]:
         return self.rows or ((Block("row", "", 0, self.row_count),) if self.row_count else ())
@@ -259,19 +276,17 @@ class BlockProgram(Program):
         tolerance: float,
         violations: tuple[Vector | None, Vector | None] = (None, None),
     ) -> tuple[Check, ...]:
-        """Return the worst violation of every block.
+        """Return the worst violation of every block and of integrality; see :meth:`.RowProgram.verify`.
 
-        A violation is relative to the bound, or to the size of the row or column if that is larger. The
-        violations of rows and columns are computed unless they are given.
+        The violations of rows and columns are computed unless they are given.
         """
         check_tolerance(tolerance)
         result = []
-        for value, lower, upper, size, blocks, given in (
-            (rows, self.row_lower, self.row_upper, row_sizes, self._rows, violations[0]),
-            (
-                *(point, self.column_lower, self.column_upper, column_sizes, self._columns),
-                violations[1],
-            ),
+        columns = point, self.column_lower, self.column_upper, column_sizes, self._columns
+        for (value, lower, upper, size, blocks), given in zip(
+            ((rows, self.row_lower, self.row_upper, row_sizes, self._rows), columns),
+            violations,
+            strict=True,
         ):
             violation = np.maximum(np.maximum(lower - value, value - upper), 0.0)
             violation = violation if given is None else given
@@ -281,19 +296,17 @@ class BlockProgram(Program):
             result += [
                 Check.largest(
                     block.name, violation[block.slice], scale[block.slice], block.unit,
-                    lambda entry, block=block: _bare(block.place(entry)), tolerance,
+                    lambda entry, block=block: re.sub(r"^(at|along|in) ", "", block.place(entry)), tolerance,
                     equation=block.equation, limit=bound[block.slice],
                 )
                 for block in blocks
                 if block.size
             ]  # fmt: skip
+        if not self.continuous:
+            # The difference of a float and the nearest integer is exact.
+            apart = np.where(self.integer_columns, np.abs(point - np.round(point)), 0.0)
+            result.append(Check.largest("integrality", apart, 1.0, "", self.column_name, tolerance))
         return tuple(result)
-
-    def _integrality(self, point: Vector, integral: NDArray[np.bool_], tolerance: float) -> Check:
-        """Return the check that the columns `integral` are integers."""
-        with np.errstate(all="ignore"):
-            violation = np.where(integral, np.abs(point - np.round(point)), 0.0)
-        return Check.largest("integrality", violation, 1.0, "", self.column_name, tolerance)
 
     def row_name(self, row: int) -> str:
         """Return the name of a row in the paper's terms."""
@@ -353,7 +366,7 @@ class RowProgram(BlockProgram):
 
     @np.errstate(all="ignore")  # overflow gives inf or NaN, which is a violation
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the objective and the worst violation of every block of rows and columns.
+        """Return the objective and the worst violation of every block and of integrality.
 
         The tolerance of a column is relative to its bound, that of a row to the largest of its terms
         and bounds. If these are 0, the scale is the other bound of the column, or the row's largest
@@ -368,18 +381,20 @@ class RowProgram(BlockProgram):
     @property
     def _column_sizes(self) -> Vector:
         """Sizes of columns whose nearest bound is 0: the other bound, at most 1."""
-        low, high = (
-            np.where(np.isfinite(bound), np.abs(bound), 0.0)
-            for bound in (self.column_lower, self.column_upper)
-        )
-        size = np.maximum(low, high)
+        bounds = np.abs([self.column_lower, self.column_upper])
+        size = np.where(np.isfinite(bounds), bounds, 0.0).max(axis=0)
         return np.where(size > 0, np.minimum(size, 1.0), 1.0)
 
     def signed(self, duals: Vector) -> Vector:
         """Return `duals` with 0 for multipliers of a row bound that does not exist."""
         y = np.asarray(duals, float)
-        loose = np.where(y > 0, ~np.isfinite(self.row_lower), ~np.isfinite(self.row_upper))
-        return np.where(loose, 0.0, y)
+        return np.where(np.isfinite(np.where(y > 0, self.row_lower, self.row_upper)), y, 0.0)
+
+    def row_terms(self, duals: Vector) -> Vector:
+        """Return the products of the multipliers with the row bounds that they belong to, shape (m,)."""
+        with np.errstate(invalid="ignore"):
+            bounds = np.where(duals > 0, self.row_lower, self.row_upper)
+            return np.where(duals == 0, 0.0, duals * bounds)
 
     def sides(self) -> Iterator[tuple[str, NDArray[np.intp], Vector]]:
         """Yield the equality rows, the rows with lower bounds and the rows with upper bounds.
@@ -407,11 +422,8 @@ class RowProgram(BlockProgram):
         """Rows with upper bounds or without bounds, whose values :func:`crosstrack.front` limits."""
         usable = np.isfinite(self.row_upper) | ~np.isfinite(self.row_lower)
         usable &= self.row_lower < self.row_upper
-        return {
-            name: "row_upper"
-            for name, use in zip(self.row_labels, usable.tolist(), strict=True)
-            if use
-        }
+        labels = self.row_labels
+        return {labels[row]: "row_upper" for row in np.flatnonzero(usable)}
 
     def second_objective(self, name: str, plan: Vector) -> float:
         """Return the value of the row called `name` at `plan`."""
@@ -468,13 +480,6 @@ def _largest(terms: sp.csr_array) -> Vector:
         return np.zeros(terms.shape[0])
     result: Vector = terms.max(axis=1).toarray().ravel()
     return result
-
-
-def _bare(place: str) -> str:
-    """Return a place without its preposition."""
-    for preposition in ("at ", "along ", "in "):
-        place = place.removeprefix(preposition)
-    return place
 
 
 def _name(what: str, blocks: Sequence[Block], entry: int) -> str:

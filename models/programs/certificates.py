@@ -217,9 +217,6 @@ def exact_verification(
         point, np.array([_nearest(row) for row in rows]), row_sizes(matrix, point, columns), columns, tolerance,
         (violations[0].astype(float), violations[1].astype(float)),
     )  # fmt: skip
-    if program.integral is not None and program.integral.any():
-        # The difference of a float and the nearest integer is exact.
-        checks = (*checks, program._integrality(point, program.integral, tolerance))
     return Verification(_nearest(objective), checks, maximise=program.maximise)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, ClassVar
@@ -52,14 +52,10 @@ class ConeBlock(Block):
     def check(self) -> None:
         """Reject rows that hold no cones of this kind and dimension."""
         object.__setattr__(self, "dimension", self.dimension or self.size)
-        invalid = self.size < 1 or self.dimension < 1 or self.size % self.dimension
-        if self.kind == ConeKind.EXPONENTIAL:
-            invalid = invalid or self.dimension != 3
-        if self.kind == ConeKind.SEMIDEFINITE:
-            invalid = invalid or order(self.dimension) * (order(self.dimension) + 1) != (
-                2 * self.dimension
-            )
-        if invalid:
+        n = order(self.dimension)
+        rows = {ConeKind.EXPONENTIAL: 3, ConeKind.SEMIDEFINITE: n * (n + 1) // 2}
+        fits = self.dimension == rows.get(self.kind, self.dimension)
+        if not fits or self.size < 1 or self.dimension < 1 or self.size % self.dimension:
             raise InvalidData(
                 f"cones {self.name!r}: {self.size} rows hold no {self.kind} cones of "
                 f"{self.dimension} rows",
@@ -145,7 +141,9 @@ def missing(kind: ConeKind, rows: Vector) -> Vector:
 
 def inside(kind: ConeKind, rows: Vector) -> Vector:
     """Return a point of the cone near each of `rows`, the nearest except for exponential cones."""
-    return _INSIDE[kind](rows)
+    if kind == ConeKind.SECOND_ORDER:
+        return _second_order(rows)
+    return _semidefinite(rows) if kind == ConeKind.SEMIDEFINITE else _exponential(rows)
 
 
 def inside_dual(kind: ConeKind, rows: Vector) -> Vector:
@@ -165,9 +163,8 @@ def inside_dual(kind: ConeKind, rows: Vector) -> Vector:
 def _second_order(rows: Vector) -> Vector:
     t, length = rows[:, 0], np.linalg.norm(rows[:, 1:], axis=1)
     # Outside of the cone and its polar, the projection is half-way (Parikh and Boyd 2014, 6.3).
-    share = np.where(
-        length <= t, 1.0, np.clip((t + length) / 2 / np.maximum(length, 1e-300), 0.0, 1.0)
-    )
+    half = np.clip((t + length) / 2 / np.maximum(length, 1e-300), 0.0, 1.0)
+    share = np.where(length <= t, 1.0, half)
     tail = rows[:, 1:] * share[:, None]
     head = np.maximum(np.where(length <= t, t, 0.0), np.linalg.norm(tail, axis=1))
     return np.column_stack([head, tail])
@@ -197,10 +194,3 @@ def _exponential(rows: Vector) -> Vector:
         nearer = distance < np.abs(result - rows).max(axis=1)
         result = np.where(nearer[:, None], candidate, result)
     return result
-
-
-_INSIDE: Mapping[ConeKind, Callable[[Vector], Vector]] = {
-    ConeKind.SECOND_ORDER: _second_order,
-    ConeKind.EXPONENTIAL: _exponential,
-    ConeKind.SEMIDEFINITE: _semidefinite,
-}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -108,9 +109,9 @@ class ConicProgram(RowProgram):
 
     def outline(self) -> str:
         """Return the size in a few words."""
-        kinds: dict[str, int] = {}
+        kinds: Counter[str] = Counter()
         for block in self.cones:
-            kinds[block.kind] = kinds.get(block.kind, 0) + block.count
+            kinds[block.kind] += block.count
         cones = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "no"
         return f"{self.row_count} rows, {self.size} columns, {cones} cones"
 

@@ -17,15 +17,11 @@ if TYPE_CHECKING:
     import cvxpy
     import qpsolvers
 
-__all__ = ["c_code", "cvxpy_problem", "lp", "mps", "qpsolvers_problem"]
+__all__ = ["c_code", "cvxpy_problem", "lp_lines", "mps_lines", "qpsolvers_problem"]
 
 
-def mps(program: Any) -> str:
-    """Return `program` as free MPS; a row with two bounds is a G row with a range."""
-    return "\n".join(_mps_lines(program)) + "\n"
-
-
-def _mps_lines(program: Any) -> Iterator[str]:
+def mps_lines(program: Any) -> Iterator[str]:
+    """Yield the lines of `program` in free MPS; a row with two bounds is a G row with a range."""
     finite = np.where(
         np.isfinite(program.row_lower), "G", np.where(np.isfinite(program.row_upper), "L", "N")
     )
@@ -76,11 +72,6 @@ def _mps_lines(program: Any) -> Iterator[str]:
     yield "ENDATA"
 
 
-def lp(program: Any) -> str:
-    """Return `program` in LP format."""
-    return "\n".join(_lp_lines(program)) + "\n"
-
-
 def _sum(columns: list[int], values: list[float]) -> str:
     terms = [
         f"{'-' if v < 0 else '+'} {abs(v)!r} x{c}" for c, v in zip(columns, values, strict=True)
@@ -89,7 +80,8 @@ def _sum(columns: list[int], values: list[float]) -> str:
     return "\n  ".join(" ".join(terms[k : k + 8]) for k in range(0, len(terms), 8)) or "0 x0"
 
 
-def _lp_lines(program: Any) -> Iterator[str]:
+def lp_lines(program: Any) -> Iterator[str]:
+    """Yield the lines of `program` in LP format."""
     yield "Minimize"
     objective = _sum(list(range(program.size)), program.cost.tolist())
     sign = "-" if program.offset < 0 else "+"
@@ -135,11 +127,8 @@ def cvxpy_problem(program: Any) -> tuple[cvxpy.Problem, cvxpy.Variable]:
     import cvxpy
 
     cp: Any = cvxpy  # its functions have no types
-    integral = np.flatnonzero(getattr(program, "integral", ()))
-    if integral.size:
-        x = cp.Variable(program.size, integer=[integral], name="x")
-    else:
-        x = cp.Variable(program.size, name="x")
+    integral = np.flatnonzero(program.integer_columns)
+    x = cp.Variable(program.size, name="x", **({"integer": [integral]} if integral.size else {}))
     constraints: list[Any] = []
     for sense, which, side in program.sides():
         rows = program.matrix[which] @ x

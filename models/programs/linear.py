@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Optional, Real, declared
-from ..verification import TOLERANCE, Verification
 from .base import BlockProgram, Program, RowProgram
 from .blocks import Block, Blocks, Sparse
 from .curvature import CURVATURE, LARGEST_DENSE, least_curvature
@@ -77,23 +76,9 @@ class MixedIntegerProgram(RowProgram):
         """Return the size in a few words."""
         return f"{self.row_count} rows, {self.size} columns, {int(self.integral.sum())} integral"
 
-    @property
-    def continuous(self) -> bool:
-        """Whether the program is linear: no column must be an integer."""
-        return not self.integral.any()
-
     def objective(self, point: Vector) -> float:
         """Return the objective at `point`."""
         return float(self.cost @ point + self.offset)
-
-    @np.errstate(all="ignore")  # overflow gives inf or NaN, which is a violation
-    def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the objective and the worst violation of every block and of integrality."""
-        linear = super().verify(plan, tolerance=tolerance)
-        if self.continuous:
-            return linear
-        whole = self._integrality(self._point(plan), self.integral, tolerance)
-        return replace(linear, checks=(*linear.checks, whole))
 
     @property
     def preferred_backend(self) -> str:
@@ -130,13 +115,9 @@ class MixedIntegerProgram(RowProgram):
         loose = np.where(y > 0, ~np.isfinite(self.row_lower), ~np.isfinite(self.row_upper))
         y = np.where(loose & (np.abs(y) <= 1e-9), 0.0, y)
         with np.errstate(invalid="ignore"):
-            rows = np.where(y == 0, 0.0, y * np.where(y > 0, self.row_lower, self.row_upper))
-            cols = np.where(
-                reduced == 0,
-                0.0,
-                reduced * np.where(reduced > 0, self.column_lower, self.column_upper),
-            )
-        return float(rows.sum() + cols.sum() + self.offset)
+            bounds = np.where(reduced > 0, self.column_lower, self.column_upper)
+            columns = np.where(reduced == 0, 0.0, reduced * bounds)
+        return float(self.row_terms(y).sum() + columns.sum() + self.offset)
 
     def relaxed(self) -> MixedIntegerProgram:
         """Return the linear relaxation."""
@@ -144,15 +125,15 @@ class MixedIntegerProgram(RowProgram):
 
     def to_mps(self) -> str:
         """Return the program in free MPS; columns are ``x0, x1, …``, rows ``r0, r1, …``."""
-        from .export import mps
+        from .export import mps_lines
 
-        return mps(self)
+        return "\n".join(mps_lines(self)) + "\n"
 
     def to_lp(self) -> str:
         """Return the program in LP format; columns are ``x0, x1, …``, rows ``r0, r1, …``."""
-        from .export import lp
+        from .export import lp_lines
 
-        return lp(self)
+        return "\n".join(lp_lines(self)) + "\n"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -224,15 +205,7 @@ class QuadraticProgram(RowProgram):
 
     def outline(self) -> str:
         """Return the size in a few words."""
-        size = f"{self.row_count} rows, {self.size} columns"
-        if self.integral is not None:
-            size += f", {int(self.integral.sum())} integral"
-        return f"{size}, {self.hessian.nnz} Hessian entries"
-
-    @property
-    def continuous(self) -> bool:
-        """Whether no column must be an integer."""
-        return self.integral is None
+        return f"{super().outline()}, {self.hessian.nnz} Hessian entries"
 
     def require_convex(self) -> None:
         """Raise ``InvalidData`` if the Hessian has a negative eigenvalue beyond rounding.
@@ -279,14 +252,6 @@ class QuadraticProgram(RowProgram):
         """Return the program without the condition of integers."""
         return replace(self, integral=None)
 
-    def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the objective and the worst violation of every block and of integrality."""
-        linear = super().verify(plan, tolerance=tolerance)
-        if self.integral is None:
-            return linear
-        whole = self._integrality(self._point(plan), self.integral, tolerance)
-        return replace(linear, checks=(*linear.checks, whole))
-
     def objective(self, point: Vector) -> float:
         """Return the objective at `point`."""
         return float(0.5 * (point @ (self.hessian @ point)) + self.cost @ point + self.offset)
@@ -328,10 +293,8 @@ class QuadraticProgram(RowProgram):
         reach = np.maximum(1.0, np.abs(p))
         low = np.where(np.isfinite(self.column_lower), self.column_lower, p - reach)
         high = np.where(np.isfinite(self.column_upper), self.column_upper, p + reach)
-        with np.errstate(invalid="ignore"):
-            rows = np.where(y == 0, 0.0, y * np.where(y > 0, self.row_lower, self.row_upper))
         # Add the gap to the primal objective, because both terms of the dual are large at small gaps.
-        slack = rows - y * (self.matrix @ p)
+        slack = self.row_terms(y) - y * (self.matrix @ p)
         away = reduced * (np.where(reduced > 0, low, high) - p)
         return self.objective(p) + float(slack.sum() + away.sum())
 

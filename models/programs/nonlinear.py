@@ -116,15 +116,9 @@ class NonlinearProgram(BlockProgram):
         if self.integral is not None and not self.integral.any():
             object.__setattr__(self, "integral", None)
 
-    @property
-    def continuous(self) -> bool:
-        """Whether no column must be an integer."""
-        return self.integral is None
-
     def outline(self) -> str:
         """Return the size in a few words."""
-        integral = "" if self.integral is None else f", {int(self.integral.sum())} integral"
-        return f"{self.row_count} rows, {self.size} columns{integral}, nonlinear"
+        return f"{super().outline()}, nonlinear"
 
     # -- values ----------------------------------------------------------------------------------
 
@@ -139,7 +133,7 @@ class NonlinearProgram(BlockProgram):
 
     @np.errstate(all="ignore")  # overflow gives inf or NaN, which is a violation
     def verify(self, plan: Vector, *, tolerance: float = TOLERANCE) -> Verification:
-        """Return the objective and the worst violation of every block of rows and columns.
+        """Return the objective and the worst violation of every block and of integrality.
 
         A tolerance is relative to the bound, or to the typical size of the row or column if that is
         larger. The size of a column is capped at 1.
@@ -149,8 +143,6 @@ class NonlinearProgram(BlockProgram):
         rows = np.where(np.isfinite(rows), rows, np.inf)
         columns = np.minimum(self.column_scale, 1.0)
         checks = self._checks(point, rows, self.row_scale, columns, tolerance)
-        if self.integral is not None:
-            checks = (*checks, self._integrality(point, self.integral, tolerance))
         value = objective if np.isfinite(objective) else None
         return Verification(value, checks, maximise=self.maximise)
 
@@ -185,13 +177,9 @@ class NonlinearProgram(BlockProgram):
         duals = casadi.MX.sym("lam_g", self.row_count)
         f, g = self.function(x)
         lagrangian = scale * f + casadi.dot(duals, g)
-        return casadi.Function(
-            "second_order",
-            [x, scale, duals],
-            [casadi.triu(casadi.hessian(lagrangian, x)[0])],
-            ["x", "lam_f", "lam_g"],
-            ["hess"],
-        )
+        upper = casadi.triu(casadi.hessian(lagrangian, x)[0])
+        names = ["x", "lam_f", "lam_g"], ["hess"]
+        return casadi.Function("second_order", [x, scale, duals], [upper], *names)
 
     def linearised(self, point: Vector) -> tuple[Vector, sp.csc_array]:
         """Return the gradient of the objective, shape (n,), and the Jacobian of the rows, shape (m, n)."""
@@ -262,11 +250,9 @@ class NonlinearProgram(BlockProgram):
         """Return `point`, or a point near it with finite derivatives."""
         draw = np.random.default_rng(0).uniform(-1.0, 1.0, self.size)
         for step in (0.0, *STEPS):
-            near = np.clip(
-                point + step * self.column_scale * draw, self.column_lower, self.column_upper
-            )
-            gradient, jacobian = self.first_order(near)
-            if gradient.is_regular() and jacobian.is_regular():
+            near = point + step * self.column_scale * draw
+            near = np.clip(near, self.column_lower, self.column_upper)
+            if all(part.is_regular() for part in self.first_order(near)):
                 return near
         return point
 
@@ -287,10 +273,12 @@ class NonlinearProgram(BlockProgram):
 
         With :meth:`to_casadi` they pass the program to CasADi alone.
         """
-        bounds = self.column_lower, self.column_upper, self.row_lower, self.row_upper
-        names = ("x0", "lbx", "ubx", "lbg", "ubg")
         return {
-            name: value.copy() for name, value in zip(names, (self.start(), *bounds), strict=True)
+            "x0": self.start(),
+            "lbx": self.column_lower.copy(),
+            "ubx": self.column_upper.copy(),
+            "lbg": self.row_lower.copy(),
+            "ubg": self.row_upper.copy(),
         }
 
     def to_c(self, name: str = "program") -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -36,8 +37,7 @@ def properties(program: BlockProgram) -> dict[str, Any]:
     ``convexity``: ``"linear"``, ``"convex"``, ``"nonlinear"``, or the reason why the program is not known to be
     convex.
     """
-    integral = getattr(program, "integral", None)
-    whole = np.zeros(program.size, bool) if integral is None else np.asarray(integral, bool)
+    whole = program.integer_columns
     low, high = program.column_lower, program.column_upper
     binary = whole & (low == 0) & (high == 1)
     ranges = {
@@ -48,7 +48,7 @@ def properties(program: BlockProgram) -> dict[str, Any]:
         "fixed columns": int((low == high).sum()),
         "free columns": int((np.isinf(low) & np.isinf(high)).sum()),
     }
-    convexity, nonzeros = "nonlinear", 0
+    convexity, nonzeros, height = "nonlinear", 0, program.row_count
     if isinstance(program, RowProgram):
         nonzeros, convexity = program.matrix.nnz, "linear"
         ranges = {"matrix": _range(program.matrix.data), "cost": _range(program.cost), **ranges}
@@ -57,18 +57,18 @@ def properties(program: BlockProgram) -> dict[str, Any]:
             nonzeros += program.cone_matrix.nnz
             ranges["cone rows"] = _range(program.cone_matrix.data, program.cone_offset)
             structure |= _cones(program)
+            convexity, height = "convex", height + program.cone_offset.size
         quadratic = program.quadratic if isinstance(program, ConicProgram) else program
         if isinstance(quadratic, QuadraticProgram) and quadratic.hessian.nnz:
             ranges["hessian"] = _range(quadratic.hessian.data)
-            convexity = _convexity(quadratic)
-        elif isinstance(program, ConicProgram):
-            convexity = "convex"
+            try:
+                quadratic.require_convex()
+                convexity = "convex"
+            except InvalidData as error:
+                convexity = f"not convex: {error}"
     elif isinstance(program, NonlinearProgram):
         nonzeros = int(program.first_order.nnz_out(1))
         structure["Hessian entries"] = int(program.second_order.nnz_out(0))
-    height = program.row_count + (
-        program.cone_offset.size if isinstance(program, ConicProgram) else 0
-    )
     return {
         "rows": _rows(program),
         "columns": {
@@ -123,6 +123,11 @@ def _special_rows(program: RowProgram, binary: Mask, whole: Mask) -> dict[str, i
     """Return the counts of rows of known kinds, as in the classification of MIPLIB."""
     matrix, lower, upper = program.matrix, program.row_lower, program.row_upper
     entries = np.diff(matrix.indptr)
+    used = [
+        matrix.indices,
+        *([program.cone_matrix.indices] if isinstance(program, ConicProgram) else []),
+    ]
+    uses = np.bincount(np.concatenate(used), minlength=program.size)
 
     def every(condition: Mask) -> Mask:
         """Return the rows with at least two entries that all satisfy `condition`."""
@@ -147,16 +152,8 @@ def _special_rows(program: RowProgram, binary: Mask, whole: Mask) -> dict[str, i
         "knapsack rows": int((weights & ~ones).sum()),
         "network rows": int(_network(matrix, signs).sum()),
         "parallel rows": _parallel(matrix, entries),
-        "columns without rows": int((_uses(program) == 0).sum()),
+        "columns without rows": int((uses == 0).sum()),
     }
-
-
-def _uses(program: RowProgram) -> NDArray[np.intp]:
-    """Return the number of rows and cone rows that contain each column."""
-    indices = [program.matrix.indices]
-    if isinstance(program, ConicProgram):
-        indices.append(program.cone_matrix.indices)
-    return np.bincount(np.concatenate(indices), minlength=program.size)
 
 
 def _network(matrix: sp.csr_array, rows: Mask) -> Mask:
@@ -198,20 +195,10 @@ def _parallel(matrix: sp.csr_array, entries: NDArray[np.intp]) -> int:
 
 def _cones(program: ConicProgram) -> dict[str, int]:
     """Return the number of cones by kind and size; that of a semidefinite cone is its order."""
-    result: dict[str, int] = {}
+    result: Counter[str] = Counter()
     for block in program.cones:
-        size = block.dimension
+        size = f"size {block.dimension}"
         if block.kind is ConeKind.SEMIDEFINITE:
-            name = f"semidefinite cones of order {order(size)}"
-        else:
-            name = f"{block.kind} cones of size {size}"
-        result[name] = result.get(name, 0) + block.count
-    return result
-
-
-def _convexity(program: QuadraticProgram) -> str:
-    try:
-        program.require_convex()
-    except InvalidData as error:
-        return f"not convex: {error}"
-    return "convex"
+            size = f"order {order(block.dimension)}"
+        result[f"{block.kind} cones of {size}"] += block.count
+    return dict(result)
