@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 import json
 import os
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
@@ -20,11 +19,12 @@ import numpy as np
 
 from ...errors import InvalidData
 from ...models.problems import resolve
+from ...models.programs.separate import answer, ask
 
 __all__ = ["read_apart"]
 
-#: Limits of seconds and of bytes of memory for the process.
-SECONDS, MEMORY = 300.0, 8 << 30
+#: Largest number of seconds for the process.
+SECONDS = 300.0
 #: Functions ``path -> (arrays, texts)`` of the process, by name.
 READERS = {
     "highs": ".instances.programs.highs_files:arrays_of_file",
@@ -43,20 +43,9 @@ def read_apart(reader: str, path: Path, raw: bytes, suffix: str) -> tuple[dict[s
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder, f"program{suffix}")
         copy.write_bytes(raw)
-        # -P: a module in the working folder must not shadow one of the standard library.
-        command = [sys.executable, "-P", "-m", __name__, reader]
-        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-        try:
-            completed = subprocess.run(
-                command,
-                input=os.fsencode(copy),
-                capture_output=True,
-                timeout=SECONDS,
-                env=environment,
-                cwd=folder,
-            )
-        except subprocess.TimeoutExpired:
-            raise InvalidData(f"{path}: reading it took more than {SECONDS:g} s") from None
+        completed = ask(__name__, reader, data=os.fsencode(copy), seconds=SECONDS, folder=folder)
+    if completed is None:
+        raise InvalidData(f"{path}: reading it took more than {SECONDS:g} s")
     if completed.returncode or not completed.stdout:
         words = completed.stderr.decode("utf-8", "replace").strip().splitlines()[-1:]
         raise InvalidData(
@@ -71,29 +60,22 @@ def read_apart(reader: str, path: Path, raw: bytes, suffix: str) -> tuple[dict[s
     return arrays, texts
 
 
-def _main() -> None:
-    # Output of native code must not corrupt the answer.
-    with os.fdopen(os.dup(1), "wb") as stream:
-        os.dup2(2, 1)
-        if sys.platform != "win32":
-            import resource
-
-            highest = resource.getrlimit(resource.RLIMIT_AS)[1]
-            resource.setrlimit(resource.RLIMIT_AS, (MEMORY, highest))
-        read: Callable[[Path], tuple[Mapping[str, Any], Mapping[str, Any]]]
-        read = resolve(READERS[sys.argv[1]])
-        path = Path(os.fsdecode(sys.stdin.buffer.read()))
-        arrays: Mapping[str, Any] = {}
-        texts: Mapping[str, Any]
-        try:
-            arrays, texts = read(path)
-        except (InvalidData, RuntimeError, ValueError, MemoryError, KeyError) as error:
-            texts = {"error": str(error).replace(str(path), "the file").strip()[:300]}
-        archive = io.BytesIO()
-        encoded = np.frombuffer(json.dumps(texts).encode(), np.uint8)
-        np.savez(archive, allow_pickle=False, **arrays, **{_TEXTS: encoded})
-        stream.write(archive.getvalue())
+def _archive(data: bytes) -> bytes:
+    """Return the archive of the file whose path is `data`."""
+    read: Callable[[Path], tuple[Mapping[str, Any], Mapping[str, Any]]]
+    read = resolve(READERS[sys.argv[1]])
+    path = Path(os.fsdecode(data))
+    arrays: Mapping[str, Any] = {}
+    texts: Mapping[str, Any]
+    try:
+        arrays, texts = read(path)
+    except (InvalidData, RuntimeError, ValueError, MemoryError, KeyError) as error:
+        texts = {"error": str(error).replace(str(path), "the file").strip()[:300]}
+    archive = io.BytesIO()
+    encoded = np.frombuffer(json.dumps(texts).encode(), np.uint8)
+    np.savez(archive, allow_pickle=False, **arrays, **{_TEXTS: encoded})
+    return archive.getvalue()
 
 
 if __name__ == "__main__":
-    _main()
+    answer(_archive)

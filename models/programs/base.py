@@ -57,8 +57,7 @@ class Program(Model[Vector]):
     @property
     def source(self) -> Source | None:
         """Object that was converted to this program and that receives plans; None for other programs."""
-        result: Source | None = self.__dict__.get("_source")
-        return result
+        return self.__dict__.get("_source")
 
     def with_source(self, source: Source) -> Self:
         """Return the program with a link to the object that was converted to it.
@@ -450,12 +449,9 @@ class RowProgram(BlockProgram):
 
     def only_rows(self, take: NDArray[np.intp], rows: tuple[Block, ...] = ()) -> Self:
         """Return the program with only the rows `take`, which form the blocks `rows`."""
-        changed: dict[str, Any] = {
-            "matrix": self.matrix[take],
-            "row_lower": self.row_lower[take],
-            "row_upper": self.row_upper[take],
-            "rows": rows,
-        }
+        names = ("matrix", "row_lower", "row_upper")
+        changed: dict[str, Any] = {name: getattr(self, name)[take] for name in names}
+        changed["rows"] = rows
         return replace(self, **changed)
 
     def to_cvxpy(self) -> tuple[cvxpy.Problem, cvxpy.Variable]:
@@ -476,10 +472,8 @@ def row_sizes(matrix: sp.csr_array, point: Vector, columns: Vector) -> Vector:
 
 def _largest(terms: sp.csr_array) -> Vector:
     """Return the largest entry of each row; 0 for empty rows."""
-    if not (terms.shape[0] and terms.nnz):
-        return np.zeros(terms.shape[0])
-    result: Vector = terms.max(axis=1).toarray().ravel()
-    return result
+    count = terms.shape[0]
+    return terms.max(axis=1).toarray().ravel() if count and terms.nnz else np.zeros(count)
 
 
 def _name(what: str, blocks: Sequence[Block], entry: int) -> str:

@@ -253,10 +253,9 @@ class Sparse(Spec):
             raise InvalidData(f"{name} needs the keys shape, indptr, indices, data", field=name)
         try:
             parts = {key: spec.coerce(key, data[key], {}) for key, spec in _SPARSE.items()}
-            if parts["indptr"].size and parts["indptr"][-1] != parts["data"].size:
-                raise InvalidData(
-                    f"indptr ends at {parts['indptr'][-1]}, {parts['data'].size} entries are given"
-                )
+            last, count = parts["indptr"][-1:], parts["data"].size
+            if (last != count).any():
+                raise InvalidData(f"indptr ends at {last[0]}, {count} entries are given")
             shape = tuple(parts.pop("shape").tolist())
             matrix = sp.csr_array(tuple(parts.values()), shape=shape)
             matrix.check_format()

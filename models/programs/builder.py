@@ -19,6 +19,7 @@ from .linear import MixedIntegerProgram
 __all__ = ["ProgramBuilder"]
 
 Indices = NDArray[np.int64]
+Arrays = tuple[NDArray[Any], ...]
 
 #: Largest number of rows or columns of a block.
 MOST_ENTRIES = 100_000_000
@@ -33,16 +34,14 @@ class ProgramBuilder:
 
     def __init__(self) -> None:
         self._columns: list[Block] = []
+        self._column_data: list[Arrays] = []
         self._rows: list[Block] = []
-        self._column_data: list[tuple[NDArray[Any], ...]] = []
-        self._row_bounds: list[tuple[NDArray[Any], NDArray[Any]]] = []
-        self._entries: list[tuple[NDArray[Any], NDArray[Any], NDArray[Any]]] = []
+        self._row_bounds: list[Arrays] = [(np.empty(0), np.empty(0))]
+        self._entries: list[Arrays] = []
         self._cones: list[ConeBlock] = []
-        self._cone_offsets: list[NDArray[Any]] = []
-        self._cone_entries: list[tuple[NDArray[Any], NDArray[Any], NDArray[Any]]] = []
-        self._size = 0
-        self._row_count = 0
-        self._cone_rows = 0
+        self._cone_offsets: list[NDArray[Any]] = [np.empty(0)]
+        self._cone_entries: list[Arrays] = []
+        self._size = self._row_count = self._cone_rows = 0
 
     def columns(
         self,
@@ -199,7 +198,7 @@ class ProgramBuilder:
         return ConicProgram(
             **shared,
             cone_matrix=_sparse(self._cone_entries, (self._cone_rows, self._size)),
-            cone_offset=np.concatenate([np.empty(0), *self._cone_offsets]),
+            cone_offset=np.concatenate(self._cone_offsets),
             cones=tuple(self._cones),
             hessian=hessian,
             offset=offset,
@@ -210,14 +209,13 @@ class ProgramBuilder:
         """Return the fields of both kinds of programs, and which columns are integral."""
         if not self._column_data:
             raise InvalidData("a program needs a block of columns at least", field="columns")
-        lower, upper, cost, integral = (
-            np.concatenate(part) for part in zip(*self._column_data, strict=True)
-        )
+        lower, upper, cost, integral = map(np.concatenate, zip(*self._column_data, strict=True))
+        row_lower, row_upper = map(np.concatenate, zip(*self._row_bounds, strict=True))
         shared = {
             "cost": cost,
             "matrix": _sparse(self._entries, (self._row_count, self._size)),
-            "row_lower": np.concatenate([b[0] for b in self._row_bounds] or [np.empty(0)]),
-            "row_upper": np.concatenate([b[1] for b in self._row_bounds] or [np.empty(0)]),
+            "row_lower": row_lower,
+            "row_upper": row_upper,
             "column_lower": lower,
             "column_upper": upper,
             "columns": tuple(self._columns),
@@ -239,11 +237,9 @@ def _spread(
         ) from None
 
 
-def _entries(
-    terms: Sequence[tuple[ArrayLike, ArrayLike, ArrayLike]], block: Block, columns: int
-) -> list[tuple[NDArray[Any], NDArray[Any], NDArray[Any]]]:
+def _entries(terms: Sequence[Any], block: Block, columns: int) -> list[Arrays]:
     """Return rows, columns and coefficients of `terms` in `block`."""
-    result = []
+    result: list[Arrays] = []
     for k, term in enumerate(terms):
         name = f"term {k} of {block.name!r}"
         if not isinstance(term, tuple | list) or len(term) != 3:
@@ -273,12 +269,10 @@ def _axes(value: Any) -> tuple[str, ...]:
         return ("axis",)
 
 
-def _sparse(
-    entries: Sequence[tuple[NDArray[Any], NDArray[Any], NDArray[Any]]], shape: tuple[int, int]
-) -> sp.csr_array:
+def _sparse(entries: Sequence[Arrays], shape: tuple[int, int]) -> sp.csr_array:
     if not entries:
         return sp.csr_array(shape)
-    row, column, value = (np.concatenate(part) for part in zip(*entries, strict=True))
+    row, column, value = map(np.concatenate, zip(*entries, strict=True))
     return sp.csr_array(sp.coo_array((value, (row, column)), shape=shape))
 
 

@@ -94,17 +94,14 @@ def rational_bound(
         cost = [c + v for c, v in zip(cost, bent, strict=True)]
     pull = exact_products(sp.csr_array(program.matrix.T), y)
     reduced = [c - v for c, v in zip(cost, pull, strict=True)]
-    total = constant
-    for factors, lower, upper in (
-        (y, program.row_lower, program.row_upper),
-        (reduced, program.column_lower, program.column_upper),
-    ):
-        for factor, low, high in zip(factors, lower.tolist(), upper.tolist(), strict=True):
-            side = low if factor > 0 else high
-            if factor and not math.isfinite(side):
-                return None
-            total += factor * Fraction(side) if factor else 0
-    return total
+    lower = np.concatenate([program.row_lower, program.column_lower]).tolist()
+    upper = np.concatenate([program.row_upper, program.column_upper]).tolist()
+    for factor, low, high in zip([*y, *reduced], lower, upper, strict=True):
+        side = low if factor > 0 else high
+        if factor and not math.isfinite(side):
+            return None
+        constant += factor * Fraction(side) if factor else 0
+    return constant
 
 
 def simple_fractions(vector: Vector, size: int, largest: int = 1 << 20) -> list[Fraction] | None:
@@ -117,7 +114,7 @@ def simple_fractions(vector: Vector, size: int, largest: int = 1 << 20) -> list[
         return None
     common, result = 1, []
     for entry in numbers.tolist():
-        result.append(Fraction(entry).limit_denominator(largest) if entry else Fraction(0))
+        result.append(Fraction(entry).limit_denominator(largest))
         common = math.lcm(common, result[-1].denominator)
         if common.bit_length() > LONGEST:
             return None
@@ -199,32 +196,27 @@ def exact_verification(
     if isinstance(program, QuadraticProgram):
         bent = exact_products(program.hessian, values)
         slopes = [c + v / 2 for c, v in zip(slopes, bent, strict=True)]
-    objective = sum(
-        (c * v for c, v in zip(slopes, values, strict=True) if c), Fraction(program.offset)
-    )
-    sides = (
-        (rows, program.row_lower, program.row_upper),
-        (values, program.column_lower, program.column_upper),
-    )
-    violations = [
-        np.array(
-            [_excess(*entry) for entry in zip(numbers, low.tolist(), high.tolist(), strict=True)]
-        )
-        for numbers, low, high in sides
-    ]
+    terms = (c * v for c, v in zip(slopes, values, strict=True) if c)
+    objective = sum(terms, Fraction(program.offset))
     columns = program._column_sizes
     checks = program._checks(
         point, np.array([_nearest(row) for row in rows]), row_sizes(matrix, point, columns), columns, tolerance,
-        (violations[0].astype(float), violations[1].astype(float)),
+        (
+            _excesses(rows, program.row_lower, program.row_upper),
+            _excesses(values, program.column_lower, program.column_upper),
+        ),
     )  # fmt: skip
     return Verification(_nearest(objective), checks, maximise=program.maximise)
 
 
-def _excess(number: Fraction, low: float, high: float) -> float:
-    """Return the distance of a number from an interval, rounded up."""
-    below = Fraction(low) - number if math.isfinite(low) else Fraction(0)
-    above = number - Fraction(high) if math.isfinite(high) else Fraction(0)
-    return _up(max(below, above, Fraction(0)))
+def _excesses(numbers: list[Fraction], lower: Vector, upper: Vector) -> Vector:
+    """Return the distances of numbers from intervals, rounded up."""
+    result = []
+    for number, low, high in zip(numbers, lower.tolist(), upper.tolist(), strict=True):
+        below = Fraction(low) - number if math.isfinite(low) else Fraction(0)
+        above = number - Fraction(high) if math.isfinite(high) else Fraction(0)
+        result.append(0.0 - rounded_down(-max(below, above, Fraction(0))))
+    return np.array(result, float)
 
 
 def _nearest(number: Fraction) -> float:
@@ -241,8 +233,3 @@ def rounded_down(number: Fraction) -> float:
     if math.isinf(result):
         return sys.float_info.max if number > 0 else -math.inf
     return result if Fraction(result) <= number else math.nextafter(result, -math.inf)
-
-
-def _up(number: Fraction) -> float:
-    """Return the smallest float that is at least `number`."""
-    return 0.0 - rounded_down(-number)

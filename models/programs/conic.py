@@ -130,12 +130,8 @@ class ConicProgram(RowProgram):
         drop = block_names(names)
         reduced = super().without_rows(drop)
         take, cones = without(self.cones, drop)
-        return replace(
-            reduced,
-            cone_matrix=self.cone_matrix[take],
-            cone_offset=self.cone_offset[take],
-            cones=cones,
-        )
+        matrix, offset = self.cone_matrix[take], self.cone_offset[take]
+        return replace(reduced, cone_matrix=matrix, cone_offset=offset, cones=cones)
 
     def objective(self, point: Vector) -> float:
         """Return the objective at `point`."""
@@ -173,10 +169,10 @@ class ConicProgram(RowProgram):
         y = np.asarray(duals, float)
         if y.shape == (self.row_count,):
             y = np.concatenate([y, np.zeros(self.cone_offset.size)])
-        if y.shape != (self.row_count + self.cone_offset.size,):
+        shape = (self.row_count + self.cone_offset.size,)
+        if y.shape != shape:
             raise InvalidData(
-                f"duals must have shape ({self.row_count + self.cone_offset.size},): the rows, "
-                f"then the cone rows; got {y.shape}",
+                f"duals must have shape {shape}: the rows, then the cone rows; got {y.shape}",
                 field="duals",
             )
         return y[: self.row_count], y[self.row_count :]

@@ -59,10 +59,7 @@ def least_curvature(hessian: sp.csr_array) -> Vector:
 
 
 def _deficit(matrix: sp.csr_array) -> float:
-    """Return a number s >= 0 such that ``matrix + s * I`` is positive semidefinite; inf without one.
-
-    The entries of `matrix` may have been rounded once.
-    """
+    """Return s >= 0 such that ``matrix + s * I``, of entries rounded once, is semidefinite; inf without one."""
     size = matrix.shape[0]
     if not np.isfinite(matrix.data).all():
         return np.inf
@@ -81,10 +78,7 @@ def _deficit(matrix: sp.csr_array) -> float:
 
 
 def _factor_error(matrix: sp.csr_array) -> float | None:
-    """Return a number e such that ``matrix + e * I`` is positive semidefinite.
-
-    It is inf if the factorisation fails, and None if the factors are too large.
-    """
+    """Return e such that ``matrix + e * I`` is semidefinite; inf if it fails, None if it is too large."""
     from scipy.sparse.linalg import splu
 
     size = matrix.shape[0]

@@ -6,6 +6,7 @@ accept any object with the fields of a program, because programs import this mod
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -34,9 +35,8 @@ def mps_lines(program: Any) -> Iterator[str]:
         yield f" {sense} r{row}"
     yield "COLUMNS"
     by_column = program.matrix.tocsc()
-    indptr, indices, data = (
-        a.tolist() for a in (by_column.indptr, by_column.indices, by_column.data)
-    )
+    parts = by_column.indptr, by_column.indices, by_column.data
+    indptr, indices, data = (part.tolist() for part in parts)
     cost, integral = program.cost.tolist(), program.integral.tolist()
     marked = False
     for column in range(program.size):
@@ -61,15 +61,17 @@ def mps_lines(program: Any) -> Iterator[str]:
         if sense == "G" and high[row] < np.inf:
             yield f" range r{row} {high[row] - low[row]!r}"
     yield "BOUNDS"
-    for column, (lower, upper) in enumerate(
-        zip(program.column_lower.tolist(), program.column_upper.tolist(), strict=True)
-    ):
+    for column, lower, upper in _numbered(program.column_lower, program.column_upper):
         if lower == -np.inf and upper == np.inf:
             yield f" FR bound x{column}"
             continue
         yield f" MI bound x{column}" if lower == -np.inf else f" LO bound x{column} {lower!r}"
         yield f" PL bound x{column}" if upper == np.inf else f" UP bound x{column} {upper!r}"
     yield "ENDATA"
+
+
+def _numbered(lower: Any, upper: Any) -> Iterator[tuple[int, float, float]]:
+    return zip(range(lower.size), lower.tolist(), upper.tolist(), strict=True)
 
 
 def _sum(columns: list[int], values: list[float]) -> str:
@@ -89,23 +91,19 @@ def lp_lines(program: Any) -> Iterator[str]:
     yield f" cost: {objective}{constant}"
     yield "Subject To"
     matrix = program.matrix
-    for row, (low, high) in enumerate(
-        zip(program.row_lower.tolist(), program.row_upper.tolist(), strict=True)
-    ):
+    for row, low, high in _numbered(program.row_lower, program.row_upper):
         part = slice(matrix.indptr[row], matrix.indptr[row + 1])
         terms = _sum(matrix.indices[part].tolist(), matrix.data[part].tolist())
         if low == high:
             yield f" r{row}: {terms} = {low!r}"
-        else:
-            # A range becomes two rows, because some readers do not support ranges.
-            if low > -np.inf:
-                yield f" r{row}{'l' if high < np.inf else ''}: {terms} >= {low!r}"
-            if high < np.inf:
-                yield f" r{row}{'u' if low > -np.inf else ''}: {terms} <= {high!r}"
+            continue
+        # A range becomes two rows, because some readers do not support ranges.
+        if low > -np.inf:
+            yield f" r{row}{'l' if high < np.inf else ''}: {terms} >= {low!r}"
+        if high < np.inf:
+            yield f" r{row}{'u' if low > -np.inf else ''}: {terms} <= {high!r}"
     yield "Bounds"
-    for column, (lower, upper) in enumerate(
-        zip(program.column_lower.tolist(), program.column_upper.tolist(), strict=True)
-    ):
+    for column, lower, upper in _numbered(program.column_lower, program.column_upper):
         if lower == -np.inf and upper == np.inf:
             yield f" x{column} free"
         else:
@@ -130,11 +128,9 @@ def cvxpy_problem(program: Any) -> tuple[cvxpy.Problem, cvxpy.Variable]:
     integral = np.flatnonzero(program.integer_columns)
     x = cp.Variable(program.size, name="x", **({"integer": [integral]} if integral.size else {}))
     constraints: list[Any] = []
+    compare: dict[str, Any] = {"=": operator.eq, ">": operator.ge, "<": operator.le}
     for sense, which, side in program.sides():
-        rows = program.matrix[which] @ x
-        constraints.append(
-            rows == side if sense == "=" else rows >= side if sense == ">" else rows <= side
-        )
+        constraints.append(compare[sense](program.matrix[which] @ x, side))
     for bound, sign in ((program.column_lower, 1), (program.column_upper, -1)):
         take = np.isfinite(bound)
         if take.any():

@@ -32,11 +32,8 @@ def cvxpy_cones(
     cp: Any = cvxpy  # its functions have no types
     added: list[Any] = []
     for block in cones:
-        rows = cp.reshape(
-            matrix[block.slice] @ x + offset[block.slice],
-            (block.count, block.dimension),
-            order="C",
-        )
+        vector = matrix[block.slice] @ x + offset[block.slice]
+        rows = cp.reshape(vector, (block.count, block.dimension), order="C")
         if block.kind == ConeKind.SECOND_ORDER:
             added.append(cp.SOC(rows[:, 0], rows[:, 1:], axis=1))
         elif block.kind == ConeKind.EXPONENTIAL:
@@ -46,10 +43,8 @@ def cvxpy_cones(
             unit = symmetric(np.eye(block.dimension))
             n = unit.shape[1]
             spread = sp.csr_array(unit.reshape(block.dimension, n * n))
-            added += [
-                cp.PSD(cp.reshape(spread.T @ rows[row], (n, n), order="C"))
-                for row in range(block.count)
-            ]
+            matrices = (spread.T @ rows[row] for row in range(block.count))
+            added += [cp.PSD(cp.reshape(entries, (n, n), order="C")) for entries in matrices]
     joined: cvxpy.Problem = cp.Problem(problem.objective, [*problem.constraints, *added])
     return joined
 

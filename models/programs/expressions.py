@@ -171,19 +171,17 @@ def _write_scalar(
     import casadi
 
     names = operation_names()
-    inputs, first = [], []
-    total = 0
+    inputs, first = [], [0]
     for k, name in enumerate(function.name_in()):
         sparsity = function.sparsity_in(k)
         symbols, default = (
             [item.name() for item in argument.nonzeros()]  # type: ignore[attr-defined]
             for argument in (function.sx_in(k), casadi.SX.sym(name, sparsity))
         )
-        inputs.append(
-            _entry(name, sparsity, **({} if symbols == default else {"symbols": symbols}))
-        )
-        first.append(total)
-        total += sparsity.nnz()
+        extra = {} if symbols == default else {"symbols": symbols}
+        inputs.append(_entry(name, sparsity, **extra))
+        first.append(first[-1] + sparsity.nnz())
+    total = first[-1]
     outputs = [
         _entry(name, function.sparsity_out(k), values=[0] * function.nnz_out(k))
         for k, name in enumerate(function.name_out())
@@ -279,10 +277,11 @@ def _write_matrix(
         total += 1
         return total - 1
 
-    outputs = []
     expressions = function.call(arguments, True, False)
-    for name, item, values in zip(function.name_out(), expressions, parts, strict=True):
-        outputs.append(_entry(name, item.sparsity(), values=[joined(item, iter(values))]))
+    outputs = [
+        _entry(name, item.sparsity(), values=[joined(item, iter(values))])
+        for name, item, values in zip(function.name_out(), expressions, parts, strict=True)
+    ]
     name = function.name()
     return {"kind": "matrix", "name": name, "inputs": inputs, "outputs": outputs, "nodes": nodes}
 

@@ -64,6 +64,10 @@ def read(data: Any, field: str = "function") -> casadi.Function:
     return function
 
 
+#: Number of values and the parameters of every operation on matrices.
+_SIGNATURES: dict[str, tuple[int | None, tuple[str, ...]]] = {
+    **dict.fromkeys(UNARY, (1, ())), **dict.fromkeys(BINARY, (2, ())), **STRUCTURAL
+}  # fmt: skip
 #: Names in CasADi of structural operations without parameters that differ from ours.
 _PLAIN = {"norm1": "norm_1", "normf": "norm_fro", "norminf": "norm_inf"}
 
@@ -137,18 +141,20 @@ class _Reader:
             self.refuse(f"{what} must be a list, got {show(data)}")
         return [self.whole(item, end, what) for item in data]
 
+    def finites(self, data: Any, place: str) -> list[float]:
+        """Return the finite numbers of a list."""
+        numbers = [self.number(item) for item in self.items(data, place)]
+        for value in numbers:
+            if not math.isfinite(value):
+                self.refuse(f"must be finite, got {value}")
+        return numbers
+
     def number(self, data: Any) -> float:
         if isinstance(data, str) and data in ("inf", "-inf", "nan"):
             return float(data)
         if type(data) not in (int, float) or not abs(data) <= sys.float_info.max:
             self.refuse(f'must be a number, "inf", "-inf" or "nan", got {show(data)}')
         return float(data)
-
-    def finite(self, data: Any) -> float:
-        value = self.number(data)
-        if not math.isfinite(value):
-            self.refuse(f"must be finite, got {value}")
-        return value
 
     def count(self, entries: int) -> None:
         """Add `entries` to the count, or raise if it exceeds the limit."""
@@ -169,10 +175,8 @@ class _Reader:
         if len(colind) != columns + 1 or colind[0] != 0 or colind[-1] != len(row):
             self.refuse(f"colind must hold {columns + 1} numbers from 0 to {len(row)}")
         for start, end in itertools.pairwise(colind):
-            if (
-                any(item >= following for item, following in itertools.pairwise(row[start:end]))
-                or end < start
-            ):
+            part = row[start:end]
+            if end < start or part != sorted(set(part)):
                 self.refuse("colind must not decrease, and rows must increase in each column")
         return self.casadi.Sparsity(rows, columns, colind, row)
 
@@ -220,13 +224,9 @@ class _Reader:
     def _table(self, data: Any, place: str) -> casadi.Function:
         if data["method"] not in ("linear", "bspline"):
             self.refuse(f"method must be linear or bspline, got {show(data['method'])}")
-        grid = [
-            [self.finite(number) for number in self.items(axis, f"{place}.grid")]
-            for axis in self.items(data["grid"], f"{place}.grid")
-        ]
-        numbers = [
-            self.finite(number) for number in self.items(data["numbers"], f"{place}.numbers")
-        ]
+        axes = self.items(data["grid"], f"{place}.grid")
+        grid = [self.finites(axis, f"{place}.grid") for axis in axes]
+        numbers = self.finites(data["numbers"], f"{place}.numbers")
         self.place = place
         size = math.prod(map(len, grid))
         if not grid or not size or not numbers or len(numbers) % size:
@@ -244,7 +244,7 @@ class _Reader:
             self.casadi.hessian(self.casadi.dot(weights, self.casadi.vec(y)), x)
         return function
 
-    def _scalar(self, data: Any, place: str) -> casadi.Function:
+    def _scalar(self, data: Any, place: str) -> Any:
         sx = self.casadi.SX
         arguments: list[Any] = []
         values: list[Any] = []
@@ -264,15 +264,14 @@ class _Reader:
             name, *others = self._operation(node)
             if name == "const" and len(others) == 1:
                 values.append(sx(self.number(others[0])))
-                continue
-            if name == "call" and others:
+            elif name == "call" and others:
                 values += self._scalar_call(others.pop(), self._arguments(values, others))
-                continue
-            arity = 1 if name in UNARY else 2 if name in BINARY else 0
-            if not arity or len(others) != arity:
+            elif name in UNARY and len(others) == 1:
+                values.append(sx.unary(self.codes[name], *self._arguments(values, others)))
+            elif name in BINARY and len(others) == 2:
+                values.append(sx.binary(self.codes[name], *self._arguments(values, others)))
+            else:
                 self.refuse(f"must be an operation on numbers and what it takes, got {show(node)}")
-            combine = sx.unary if arity == 1 else sx.binary
-            values.append(combine(self.codes[name], *self._arguments(values, others)))
         results = []
         for entry in self._entries(data["outputs"], f"{place}.outputs", "values"):
             entries = self._arguments(values, self.items(entry.get("values"), self.place))
@@ -285,7 +284,7 @@ class _Reader:
             self.refuse(f"a shape with {shape.nnz()} entries is given {len(entries)}")
         return self.casadi.SX(shape, self.casadi.vertcat(self.casadi.SX(0, 1), *entries))
 
-    def _matrix(self, data: Any, place: str) -> casadi.Function:
+    def _matrix(self, data: Any, place: str) -> Any:
         mx = self.casadi.MX
         arguments = []
         for entry in self._entries(data["inputs"], f"{place}.inputs", "symbols"):
@@ -297,14 +296,12 @@ class _Reader:
         for k, node in enumerate(self.items(data["nodes"], f"{place}.nodes")):
             self.place = f"{place}.nodes[{k}]"
             name, *others = self._operation(node)
-            signature: tuple[int | None, tuple[str, ...]] | None = (
-                (1, ()) if name in UNARY else (2, ()) if name in BINARY else STRUCTURAL.get(name)
-            )
-            if signature is None:
+            if name not in _SIGNATURES:
                 self.refuse(f"unknown operation {show(name)}")
-            arity = len(others) - len(signature[1]) if signature[0] is None else signature[0]
-            if arity < 0 or len(others) != arity + len(signature[1]):
-                what = ", ".join([f"{'' if signature[0] is None else arity} values", *signature[1]])
+            count, parameters = _SIGNATURES[name]
+            arity = len(others) - len(parameters) if count is None else count
+            if arity < 0 or len(others) != arity + len(parameters):
+                what = ", ".join([f"{'' if count is None else arity} values", *parameters])
                 self.refuse(f"{name} takes {what.strip()}, got {show(node)}")
             taken = self._arguments(values, others[:arity])
             if name in UNARY:
@@ -332,15 +329,10 @@ class _Reader:
             self.refuse(f"must be [operation, …], got {show(node)}")
         return node
 
-    def _build(
-        self, data: Any, place: str, arguments: list[Any], results: list[Any]
-    ) -> casadi.Function:
+    def _build(self, data: Any, place: str, arguments: list[Any], results: list[Any]) -> Any:
         self.place = place
-        inputs, outputs = ([entry["name"] for entry in data[key]] for key in ("inputs", "outputs"))
-        function: casadi.Function = self.casadi.Function(
-            self.text(data["name"]), arguments, results, inputs, outputs
-        )
-        return function
+        names = ([entry["name"] for entry in data[key]] for key in ("inputs", "outputs"))
+        return self.casadi.Function(self.text(data["name"]), arguments, results, *names)
 
     # -- matrix operations: name, values, parameters --
 
@@ -371,9 +363,8 @@ class _Reader:
             self._fill(function.sparsity_in(k), taken[end - size : end])
             for k, (size, end) in enumerate(zip(sizes, ends, strict=True))
         ]
-        return [
-            entry for result in function.call(arguments, False, True) for entry in result.nonzeros()
-        ]
+        results = function.call(arguments, False, True)
+        return [entry for result in results for entry in result.nonzeros()]
 
     def _mtimes(self, name: str, taken: list[Any]) -> list[Any]:
         return [self.casadi.mac(taken[1], taken[2], taken[0])]
@@ -381,9 +372,8 @@ class _Reader:
     def _getnonzeros(self, name: str, taken: list[Any], shape: Any, places: Any) -> list[Any]:
         sparsity = self.shape(shape)
         entries = taken[0].nz[self.casadi.DM(sparsity, self._places(places, taken[0].nnz()))]
-        return [
-            entries if entries.shape == sparsity.shape else self.casadi.reshape(entries, sparsity)
-        ]
+        same = entries.shape == sparsity.shape
+        return [entries if same else self.casadi.reshape(entries, sparsity)]
 
     def _setnonzeros(self, name: str, taken: list[Any], places: Any) -> list[Any]:
         result = self.casadi.MX(taken[0])
@@ -446,13 +436,12 @@ def _agree(function: casadi.Function, other: casadi.Function) -> bool:
 
     draw = np.random.default_rng(0)
     for sample in (draw.standard_normal, draw.random):
-        point = [
-            casadi.DM(function.sparsity_in(k), sample(function.nnz_in(k)))
-            for k in range(function.n_in())
-        ]
+        shapes = map(function.sparsity_in, range(function.n_in()))
+        point = [casadi.DM(shape, sample(shape.nnz())) for shape in shapes]
         for first, second in zip(function.call(point), other.call(point), strict=True):
+            numbers = first.nonzeros(), second.nonzeros()
             if first.sparsity() != second.sparsity() or not np.array_equal(
-                first.nonzeros(), second.nonzeros(), equal_nan=True
+                *numbers, equal_nan=True
             ):
                 return False
     return True

@@ -70,18 +70,14 @@ def smallest(factor: Interval, values: Interval) -> Vector:
 
     A factor of 0 gives 0, also with an infinite end: the numbers themselves are finite.
     """
-    low, high = (_least_product(factor, end) for end in values)
+
+    def products(value: Vector) -> Vector:
+        # Rounded to nearest; a product that underflows keeps its sign.
+        end = np.where(value >= 0, factor.low, factor.high)
+        return np.where((end == 0) | (value == 0), 0.0, end * value)
+
+    low, high = products(values.low), products(values.high)
     result = np.minimum(low, high)
     exact = (result == 0) & ~np.signbit(low) & ~np.signbit(high)
     rounded: Vector = np.where(exact, 0.0, np.nextafter(result, -np.inf))
     return rounded
-
-
-def _least_product(factor: Interval, value: Vector) -> Vector:
-    """Return the least products of an interval and a number, rounded to nearest; 0.0 if one is 0.
-
-    A product of other numbers that underflows keeps its sign.
-    """
-    end = np.where(value >= 0, factor.low, factor.high)
-    product: Vector = np.where((end == 0) | (value == 0), 0.0, end * value)
-    return product

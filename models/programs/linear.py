@@ -194,12 +194,9 @@ class QuadraticProgram(RowProgram):
         diagonal = self.hessian.diagonal()
         # 2 x 2 minors with a zero: a negative diagonal entry, or a zero in a nonzero row.
         reach = abs(self.hessian).max(axis=1).toarray().ravel() if self.hessian.nnz else diagonal
-        invalid = (diagonal < 0) | ((diagonal == 0) & (reach > 0))
-        if invalid.any():
-            entry = int(np.flatnonzero(invalid)[0])
+        for k in np.flatnonzero((diagonal < 0) | ((diagonal == 0) & (reach > 0))):
             raise InvalidData(
-                f"hessian[{entry}, {entry}] is {diagonal[entry]:g}, which no positive semidefinite matrix "
-                "with that row has",
+                f"hessian[{k}, {k}] is {diagonal[k]:g}, which no positive semidefinite matrix with that row has",
                 field="hessian",
             )
 

@@ -101,15 +101,13 @@ class NonlinearProgram(BlockProgram):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, frozen(np.ones(size)))
             scale = getattr(self, name)
-            if (scale <= 0).any():
-                entry = int(np.flatnonzero(scale <= 0)[0])
-                raise InvalidData(f"{name}[{entry}] must be > 0, got {scale[entry]}", field=name)
+            for k in np.flatnonzero(scale <= 0):
+                raise InvalidData(f"{name}[{k}] must be > 0, got {scale[k]}", field=name)
         for what in ("column", "row"):
             lower, upper = getattr(self, f"{what}_lower"), getattr(self, f"{what}_upper")
-            if (lower > upper).any():
-                entry = int(np.flatnonzero(lower > upper)[0])
+            for k in np.flatnonzero(lower > upper):
                 raise InvalidData(
-                    f"{what}_lower[{entry}] = {lower[entry]:g} exceeds {what}_upper[{entry}] = {upper[entry]:g}",
+                    f"{what}_lower[{k}] = {lower[k]:g} exceeds {what}_upper[{k}] = {upper[k]:g}",
                     field=f"{what}_lower",
                 )
         super().check()

@@ -169,11 +169,9 @@ class _Lagrangian:
         return _Value(bound, reduced, columns)
 
     def moved(self, y: Vector, weak: Mask, implied: Interval, distance: float) -> Vector:
-        """Return multipliers whose reduced costs on the columns `weak` have the required signs.
-
-        The change solves a least-squares problem in units of the required distances from 0. Only
-        multipliers that are not 0, or belong to equality rows, change.
-        """
+        """Return multipliers whose reduced costs on the columns `weak` have the required signs."""
+        # The change solves a least-squares problem in units of the required distances from 0. Only
+        # multipliers that are not 0, or belong to equality rows, change.
         from scipy.linalg import lstsq
         from scipy.sparse.linalg import lsqr
 
@@ -191,13 +189,10 @@ class _Lagrangian:
         unit = np.maximum(distance * np.maximum(width, floor), np.maximum(violation, TINY))
         # Reduced costs that are far enough from 0 keep their place.
         target = np.where(side == 0, 0.0, side * np.maximum(unit, side * middle))
-        usable = np.flatnonzero((program.row_lower == program.row_upper) | (y != 0))
+        equal = program.row_lower == program.row_upper
+        usable = np.flatnonzero(equal | (y != 0))
         block = program.matrix[usable][:, np.flatnonzero(weak)]
-        weights = np.where(
-            (program.row_lower == program.row_upper)[usable],
-            1.0,
-            np.minimum(np.abs(y[usable]), 1.0),
-        )
+        weights = np.where(equal, 1.0, np.minimum(np.abs(y), 1.0))[usable]
         scaled = sp.csr_array(sp.diags_array(weights) @ block @ sp.diags_array(1.0 / unit)).T
         right = (middle - target) / unit
         result = y.copy()
@@ -223,20 +218,15 @@ def _reduced(program: RowProgram, cost: Interval, multipliers: Interval) -> Inte
     """Return intervals of the reduced costs ``cost - matrix.T @ multipliers``."""
     middle = 0.5 * (multipliers.low + multipliers.high)
     radius = np.maximum(multipliers.high - middle, middle - multipliers.low)
-    by_column = program.matrix.T
-    value, error = sums(by_column, middle)
+    value, error = sums(program.matrix.T, middle)
     if radius.any():
-        spread, rounding = sums(abs(by_column), radius)
-        error = error + SLACK * (spread + rounding)
+        error = error + SLACK * sum(sums(abs(program.matrix.T), radius))
     return difference(cost, value, error)
 
 
 def _implied(program: RowProgram, limits: Interval, weak: Mask) -> Interval:
-    """Return `limits` with the infinite bounds of columns replaced by those that the rows imply.
-
-    Every row bounds each of its columns, given the bounds of the others (Savelsbergh 1994, section
-    1.1). All operations are rounded outwards.
-    """
+    """Return `limits` with infinite bounds replaced by those that the rows imply, rounded outwards."""
+    # Every row bounds each of its columns, given the bounds of the others (Savelsbergh 1994, section 1.1).
     matrix = program.matrix
     row = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
     low, high = limits.low.copy(), limits.high.copy()
@@ -246,7 +236,7 @@ def _implied(program: RowProgram, limits: Interval, weak: Mask) -> Interval:
         for sign, upper in ((1.0, program.row_upper), (-1.0, -program.row_lower)):
             part = np.isfinite(upper)[row]
             triplets = row[part], matrix.indices[part], sign * matrix.data[part]
-            _propagate(*triplets, upper, Interval(low, high), columns, candidates)
+            _propagate(triplets, upper, Interval(low, high), columns, candidates)
         found = np.isinf(low) & np.isfinite(candidates.low)
         above = np.isinf(high) & np.isfinite(candidates.high)
         low = np.where(found, candidates.low, low)
@@ -258,15 +248,11 @@ def _implied(program: RowProgram, limits: Interval, weak: Mask) -> Interval:
 
 
 def _propagate(
-    row: NDArray[Any],
-    column: NDArray[Any],
-    coefficients: Vector,
-    upper: Vector,
-    limits: Interval,
-    columns: Mask,
-    candidates: Interval,
-) -> None:
-    """Tighten `candidates` of `columns` by rows ``coefficients @ x <= upper``, given by the entries of the matrix."""
+    entries: tuple[NDArray[Any], NDArray[Any], Vector], upper: Vector, limits: Interval,
+    columns: Mask, candidates: Interval,
+) -> None:  # fmt: skip
+    """Tighten `candidates` of `columns` by rows ``coefficients @ x <= upper``, given by their entries."""
+    row, column, coefficients = entries
     count = upper.size
     rising = coefficients > 0
     terms = coefficients * np.where(rising, limits.low[column], limits.high[column])
@@ -291,13 +277,10 @@ def _propagate(
 def _corrected(
     program: RowProgram, cost: Interval, y: Vector, free: NDArray[np.intp], effort: float
 ) -> Interval | None:
-    """Return intervals with multipliers whose reduced costs on the columns `free` are exactly 0.
-
-    As many rows as columns are chosen, by their multipliers and the size of their pivots. The correction
-    of their multipliers solves a linear system M d = r, which an approximate inverse R encloses: with
-    the norm g of I - R M below 1, M is regular and ``|d| <= |R| |r| + g / (1 - g) max(|R| |r|)``. None if
-    g is too large, or the system is singular or too large.
-    """
+    """Return intervals with multipliers whose reduced costs on `free` are exactly 0, or None."""
+    # As many rows as columns are chosen, by their multipliers and the size of their pivots. The correction of
+    # their multipliers solves M d = r, which an approximate inverse R encloses: with the norm g of I - R M
+    # below 1, M is regular and |d| <= |R| |r| + g / (1 - g) max(|R| |r|).
     from scipy.linalg import qr
 
     count = free.size

@@ -131,10 +131,8 @@ def _special_rows(program: RowProgram, binary: Mask, whole: Mask) -> dict[str, i
 
     def every(condition: Mask) -> Mask:
         """Return the rows with at least two entries that all satisfy `condition`."""
-        failures = np.concatenate([[0], np.cumsum(~condition)])
-        same = failures[matrix.indptr[1:]] == failures[matrix.indptr[:-1]]
-        result: Mask = (entries > 1) & same
-        return result
+        failures = np.concatenate([[0], np.cumsum(~condition)])[matrix.indptr]
+        return np.asarray((entries > 1) & (np.diff(failures) == 0))
 
     ones = every((matrix.data == 1) & binary[matrix.indices])
     equal = lower == upper
@@ -157,10 +155,8 @@ def _special_rows(program: RowProgram, binary: Mask, whole: Mask) -> dict[str, i
 
 
 def _network(matrix: sp.csr_array, rows: Mask) -> Mask:
-    """Return the rows of flow balance: each column has at most one +1 and one -1 among them.
-
-    A row without a column that another such row has with the opposite sign is not counted.
-    """
+    """Return the rows of flow balance: each column has at most one +1 and one -1 among them."""
+    # A row without a column that another such row has with the opposite sign is not counted.
     place = np.repeat(np.arange(rows.size), np.diff(matrix.indptr))
     invalid, linked = np.zeros(rows.size, bool), np.ones(matrix.indices.size, bool)
     for sign in (1.0, -1.0):
@@ -174,14 +170,10 @@ def _network(matrix: sp.csr_array, rows: Mask) -> Mask:
 
 
 def _parallel(matrix: sp.csr_array, entries: NDArray[np.intp]) -> int:
-    """Return the number of rows that are a multiple of an earlier row.
-
-    Rows are divided by their first entry and compared by two random projections, which differ for
-    different rows with probability 1.
-    """
+    """Return the number of rows that are a multiple of an earlier row."""
+    # Rows are divided by their first entry and compared by two random projections, which differ for
+    # different rows with probability 1.
     rows = np.flatnonzero(entries > 1)
-    if not rows.size:
-        return 0
     first = matrix.data[matrix.indptr[rows]]
     sides = np.random.default_rng(0).uniform(1.0, 2.0, (matrix.shape[1], 2))
     with np.errstate(all="ignore"):

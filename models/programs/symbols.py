@@ -39,13 +39,11 @@ _FUNCTION = (
 def explain_symbols() -> None:
     """Accept symbols in NumPy functions, and explain operations that are impossible for symbols.
 
-    NumPy functions of CasADi symbols return expressions. CasADi 3.8 warns about a future change of
-    this rule; the warning is disabled, unless the user has chosen CasADi's ``setNumpyMode``.
-
     Conversions to numbers and truth values raise ``InvalidData``. They happen in the user's own
     expression, before this package receives it, so only the class of the symbols can explain
     the error. Convertible values are converted as before.
     """
+    # CasADi 3.8 warns about a future change of its rule for NumPy functions of symbols.
     with contextlib.suppress(AttributeError):  # before CasADi 3.8
         if casadi.GlobalOptions.getNumpyMode() == 0:
             casadi.GlobalOptions.setNumpyMode(-1)

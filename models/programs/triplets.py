@@ -47,17 +47,7 @@ class Triplets:
         return rows, columns, np.concatenate([*self.factors, none]), sources
 
     def matrix(self, shape: tuple[int, int], given: Any, count: int) -> Any:
-        """Return the matrix in CasADi's symbols, with function values from the vector `given`.
-
-        Parameters
-        ----------
-        shape : tuple of int
-            Numbers of rows and columns.
-        given : casadi.MX
-            Vector of all function values.
-        count : int
-            Its length.
-        """
+        """Return the matrix in CasADi's symbols, with function values from the vector `given` of length `count`."""
         rows, columns, factors, sources = self.joined()
         pattern = sp.csc_array((np.ones(rows.size), (rows, columns)), shape=shape)
         pattern.sum_duplicates()
@@ -70,9 +60,7 @@ class Triplets:
         moving = sp.csc_array(
             (factors[~fixed], (place[~fixed], sources[~fixed])), shape=(pattern.nnz, count)
         )
-        sparsity = casadi.Sparsity(
-            shape[0], shape[1], pattern.indptr.tolist(), pattern.indices.tolist()
-        )
+        sparsity = casadi.Sparsity(shape[0], shape[1], pattern.indptr, pattern.indices)
         values = casadi.MX(casadi.DM(constant))
         if moving.nnz:
             values = values + casadi.mtimes(casadi.MX(dm(moving)), given)
@@ -83,7 +71,5 @@ def dm(matrix: Any) -> casadi.DM:
     """Return a sparse SciPy matrix as a ``casadi.DM``."""
     csc = sp.csc_array(matrix)
     csc.sort_indices()
-    sparsity = casadi.Sparsity(
-        csc.shape[0], csc.shape[1], csc.indptr.tolist(), csc.indices.tolist()
-    )
+    sparsity = casadi.Sparsity(csc.shape[0], csc.shape[1], csc.indptr, csc.indices)
     return casadi.DM(sparsity, csc.data)

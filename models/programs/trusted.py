@@ -6,22 +6,20 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from typing import TYPE_CHECKING, Any
 
 from ...errors import InvalidData
 from ..fields import TRUSTED
 from .interpreter import read, readable
+from .separate import answer, ask
 
 if TYPE_CHECKING:
     import casadi
 
 __all__ = ["read_trusted"]
 
-#: Limits of seconds and of bytes of memory for the process that reads a text first.
-SECONDS, MEMORY = 60.0, 8 << 30
+#: Largest number of seconds for the process that reads a text first.
+SECONDS = 60.0
 
 
 def read_trusted(text: str, field: str) -> casadi.Function:
@@ -37,45 +35,24 @@ def read_trusted(text: str, field: str) -> casadi.Function:
             "know who wrote it, read it with trusted=True, on the command line with --trusted",
             field=field,
         )
-    # -P: a module in the working folder must not shadow one of the standard library.
-    command = [sys.executable, "-P", "-m", __name__]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    try:
-        completed = subprocess.run(
-            command,
-            input=text.encode("utf-8", "replace"),
-            capture_output=True,
-            timeout=SECONDS,
-            env=environment,
-        )
-        answer = json.loads(completed.stdout) if completed.returncode == 0 else {}
-        reason = answer.get("error", f"the process that read it ended with {completed.returncode}")
-    except subprocess.TimeoutExpired:
-        answer, reason = {}, f"reading it took more than {SECONDS:g} s"
-    if "function" not in answer:
+    completed = ask(__name__, data=text.encode("utf-8", "replace"), seconds=SECONDS)
+    result: dict[str, Any]
+    if completed is None:
+        result, reason = {}, f"reading it took more than {SECONDS:g} s"
+    else:
+        result = json.loads(completed.stdout) if completed.returncode == 0 else {}
+        reason = result.get("error", f"the process that read it ended with {completed.returncode}")
+    if "function" not in result:
         raise InvalidData(f"{field} is no serialised casadi.Function: {reason}", field=field)
-    if answer["function"] is not None:
-        return read(answer["function"], field)
+    if result["function"] is not None:
+        return read(result["function"], field)
     import casadi
 
     return casadi.Function.deserialize(text)
 
 
-def _main() -> None:
-    """Read a text from standard input; write its graph, null if it has none, or the error."""
-    # Output of native code must not corrupt the answer.
-    with os.fdopen(os.dup(1), "w", encoding="utf-8") as stream:
-        os.dup2(2, 1)
-        if sys.platform != "win32":
-            import resource
-
-            resource.setrlimit(
-                resource.RLIMIT_AS, (MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1])
-            )
-        stream.write(json.dumps(_answer(sys.stdin.read())))
-
-
-def _answer(text: str) -> dict[str, Any]:
+def _graph(text: str) -> dict[str, Any]:
+    """Return the graph of the function in a text, null if it has none, or the error."""
     import casadi
 
     try:
@@ -93,4 +70,4 @@ def _answer(text: str) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    _main()
+    answer(lambda data: json.dumps(_graph(data.decode())).encode())

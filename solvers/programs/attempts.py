@@ -141,9 +141,8 @@ class Clock:
 
     def left(self) -> float | None:
         """Return the seconds left, at least 0; None if the run has no time limit."""
-        if self._limit is None:
-            return None
-        return max(self._limit - (time.perf_counter() - self._started), 0.0)
+        passed = time.perf_counter() - self._started
+        return None if self._limit is None else max(self._limit - passed, 0.0)
 
     def lap(self, part: str) -> None:
         """Add the seconds since the previous lap to `part`."""
@@ -177,12 +176,12 @@ def stop_reason(control: Control, otherwise: Limit = Limit.INTERRUPTED) -> Limit
 def forward_stop(control: Control, stop: Callable[[], Any]) -> Iterator[None]:
     """Call `stop` repeatedly from a thread once the control requests a stop, until the block ends.
 
-    The call is repeated because most solvers ignore a stop request that arrives before they have
-    started. The solver must release the interpreter's lock, and `stop` must be thread-safe.
+    The solver must release the interpreter's lock, and `stop` must be thread-safe.
     """
     ended = threading.Event()
 
     def watch() -> None:
+        # Most solvers ignore a stop request that arrives before they have started.
         while not ended.wait(POLL):
             if control.stopped:
                 stop()
@@ -214,32 +213,21 @@ def solver_options(request: Request, *without: str) -> dict[str, Any]:
 
     ``polish`` is omitted, because :mod:`.qp.polishing` handles it after the solver.
     """
-    skip = {"polish", *without}
-    return {
-        name: value
-        for name, value in request.options.items()
-        if name not in skip and value is not None
-    }
+    given = ((name, value) for name, value in request.options.items() if value is not None)
+    return {name: value for name, value in given if name not in ("polish", *without)}
 
 
 def trivial_ending(program: RowProgram, request: Request) -> Ending | None:
-    """Return the ending of a trivial program; None if a solver is needed.
-
-    Some solvers reject such programs as malformed: lower bounds above upper bounds, no columns, or
-    rows without coefficients whose bounds exclude 0.
-    """
+    """Return the ending of a trivial program, which some solvers reject as malformed; else None."""
     for lower, upper, name in (
         (program.column_lower, program.column_upper, program.column_name),
         (program.row_lower, program.row_upper, program.row_name),
     ):
         crossed = np.flatnonzero(lower > upper)
         if crossed.size:
-            index = int(crossed[0])
-            return Ending(
-                Ended.INFEASIBLE,
-                message=f"{name(index)}: the lower bound {lower[index]:g} exceeds the upper {upper[index]:g}",
-                absolute=True,
-            )
+            k = int(crossed[0])
+            message = f"{name(k)}: the lower bound {lower[k]:g} exceeds the upper {upper[k]:g}"
+            return Ending(Ended.INFEASIBLE, message=message, absolute=True)
     slack = request.tolerance
     wrong = (program.row_lower > slack) | (program.row_upper < -slack)
     wrong &= np.diff(program.matrix.indptr) == 0

@@ -14,14 +14,7 @@ from ...errors import BackendBroken
 from ..contract.backend import Limit
 from .attempts import Ended
 
-__all__ = [
-    "HIGHS_MARK",
-    "ended_by_words",
-    "last_line",
-    "load_plugin",
-    "status_of",
-    "vector",
-]
+__all__ = ["HIGHS_MARK", "ended_by_words", "last_line", "load_plugin", "status_of", "vector"]
 
 #: Module whose presence shows that the HiGHS library of CasADi is loaded, which conflicts with the
 #: HiGHS libraries of highspy and ortools in one process.
@@ -49,9 +42,8 @@ def load_plugin(backend: str, kind: str, name: str, *, brings_highs: bool = Fals
         importlib.import_module(HIGHS_MARK)
     if (kind, name) in _loaded:
         return
-    call: Any = casadi
     try:
-        getattr(call, f"load_{kind}")(name)
+        getattr(casadi, f"load_{kind}")(name)
         _loaded.add((kind, name))
     except RuntimeError as error:
         raise BackendBroken(

@@ -36,6 +36,13 @@ EXCLUDED: Mapping[str, Mapping[str, str]] = {
     "integer quadratic": {},
     "conic": {"ECOS": "it has no semidefinite cones; the backend 'ecos' handles the others"},
 }
+#: Endings that the statuses of CVXPY mean, apart from limits.
+_ENDED = {
+    "optimal": Ended.PROVEN,
+    "infeasible": Ended.INFEASIBLE,
+    "unbounded": Ended.UNBOUNDED,
+    "infeasible_or_unbounded": Ended.UNCLEAR,
+}
 #: Default solver for each kind of program.
 _DEFAULT = {
     "mixed-integer": "HIGHS", "quadratic": "CLARABEL", "integer quadratic": "SCIP", "conic": "CLARABEL"
@@ -52,26 +59,22 @@ def found(kind: str) -> tuple[str, ...]:
     from cvxpy.constraints.second_order import SOC
     from cvxpy.reductions.solvers import defines
 
-    cone: Any = SOC
+    solvers: Any = defines.SOLVER_MAP_CONIC
+    cones = {name: set(solver.SUPPORTED_CONSTRAINTS) for name, solver in solvers.items()}
     names = defines.INSTALLED_MI_SOLVERS
     if kind == "integer quadratic":
         names = [name for name in names if name in defines.MI_SOCP_SOLVERS]
     if kind == "conic":
-        required = {SOC, ExpCone}
         names = [
-            name
-            for name in defines.INSTALLED_SOLVERS
-            if name in defines.SOLVER_MAP_CONIC
-            and required <= set(defines.SOLVER_MAP_CONIC[name].SUPPORTED_CONSTRAINTS)
+            name for name in defines.INSTALLED_SOLVERS if {SOC, ExpCone} <= cones.get(name, set())
         ]
     if kind == "quadratic":
-        cones, plain = defines.SOLVER_MAP_CONIC, defines.SOLVER_MAP_QP
         names = [
             name
             for name in defines.INSTALLED_SOLVERS
-            if name in plain
-            or (name in cones and cones[name].supports_quad_obj())
-            or (name in cones and cone in cones[name].SUPPORTED_CONSTRAINTS)
+            if name in defines.SOLVER_MAP_QP
+            or SOC in cones.get(name, ())
+            or (name in cones and solvers[name].supports_quad_obj())
         ]
     excluded = {**EXCLUDED["any"], **EXCLUDED[kind]}
     return tuple(name for name in names if name not in excluded)
@@ -117,22 +120,16 @@ class Solved:
 
     def end(self) -> tuple[Ended, Limit | None]:
         """Return the ending and its limit. A solution that CVXPY calls inaccurate is ``STOPPED``."""
-        limit = Limit.TIME if self.late else Limit.ITERATIONS
         if self.error and not self.late:
             return Ended.FAILED, None
-        match str(self.problem.status):
-            case "optimal":
-                return Ended.PROVEN, None
-            case "infeasible":
-                return Ended.INFEASIBLE, None
-            case "unbounded":
-                return Ended.UNBOUNDED, None
-            case "infeasible_or_unbounded":
-                return Ended.UNCLEAR, None
-            case "user_limit" | "optimal_inaccurate":
-                return Ended.STOPPED, limit
+        status = str(self.problem.status)
+        if status in _ENDED:
+            return _ENDED[status], None
         # A failing solver raises an exception; only the clock shows whether a limit was reached.
-        return (Ended.STOPPED, limit) if self.late else (Ended.FAILED, None)
+        if self.late:
+            return Ended.STOPPED, Limit.TIME
+        is_limited = status in ("user_limit", "optimal_inaccurate")
+        return (Ended.STOPPED, Limit.ITERATIONS) if is_limited else (Ended.FAILED, None)
 
     def point(self, ended: Ended) -> NDArray[np.float64] | None:
         """Return the column values, shape (columns,); None if the ending does not define any."""

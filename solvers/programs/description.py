@@ -64,11 +64,9 @@ class Description(Printable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report as JSON data."""
+        names = ("instance", "model", "outline", "maximise")
         return {
-            "instance": self.instance,
-            "model": self.model,
-            "outline": self.outline,
-            "maximise": self.maximise,
+            **{name: getattr(self, name) for name in names},
             **self.properties,
             "warnings": list(self.warnings),
             "backends": {
@@ -96,12 +94,9 @@ class Description(Printable):
         columns = ("coefficients", "smallest", "largest", "ratio")
         lines = [f"warning: {text}" for text in self.warnings]
         lines.append(f"accepted by {', '.join(self.accepting) or 'no installed backend'}")
-        lines += [
-            f"pip install 'crosstrack[{extra}]' adds {', '.join(names)}"
-            if extra
-            else f"not installed: {', '.join(names)}"
-            for extra, names in self.extras.items()
-        ]
+        for extra, names in self.extras.items():
+            head = f"pip install 'crosstrack[{extra}]' adds" if extra else "not installed:"
+            lines.append(f"{head} {', '.join(names)}")
         return [
             table(f"{self.instance or 'program'}: {self.model}", ("property", "value"), rows),
             *([table("", columns, ranges, right=columns[1:])] if ranges else []),
@@ -110,18 +105,7 @@ class Description(Printable):
 
 
 def describe(program: Program) -> Description:
-    """Return the report on a program; see :meth:`.Program.describe`.
-
-    Parameters
-    ----------
-    program : Program
-        The program.
-
-    Raises
-    ------
-    InvalidData
-        The program has no rows and columns with bounds.
-    """
+    """Return the report on a program; see :meth:`.Program.describe`."""
     if not isinstance(program, BlockProgram):
         raise InvalidData(
             f"describe supports programs with rows and columns, got {type(program).__name__}",

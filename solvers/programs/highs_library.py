@@ -56,22 +56,12 @@ def run_highs(
     low = np.where(is_integer, np.ceil(low - ROUNDING), low)
     high = np.where(is_integer, np.floor(high + ROUNDING), high)
     passed = highs.passModel(
-        program.size,
-        program.row_count,
-        matrix.nnz,
-        int(highspy.MatrixFormat.kRowwise),
-        int(highspy.ObjSense.kMinimize),
-        program.offset,
-        program.cost,
-        low,
-        high,
-        program.row_lower,
-        program.row_upper,
-        matrix.indptr.astype(np.int32),
-        matrix.indices.astype(np.int32),
-        matrix.data,
+        program.size, program.row_count, matrix.nnz,
+        int(highspy.MatrixFormat.kRowwise), int(highspy.ObjSense.kMinimize), program.offset,
+        program.cost, low, high, program.row_lower, program.row_upper,
+        matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), matrix.data,
         integral.astype(np.int32),
-    )
+    )  # fmt: skip
     if passed == highspy.HighsStatus.kError:
         raise InvalidData(f"backend 'highs': HiGHS refuses the program ({program.outline()})")
     prepare(highs)

@@ -43,7 +43,7 @@ class Scaling:
     @classmethod
     def of(cls, program: MixedIntegerProgram | QuadraticProgram) -> Scaling | None:
         """Return the scaling of `program`; None if its data need none, or range beyond that of floats."""
-        integral = np.zeros(program.size, bool) if program.integral is None else program.integral
+        integral = program.integer_columns
         entries = abs(program.matrix)
         bounds = _largest(program.row_lower, program.row_upper)
         # Magnitude of the right-hand side for the continuous columns of each row.
@@ -56,12 +56,8 @@ class Scaling:
         row = np.repeat(np.arange(program.row_count), np.diff(entries.indptr))
         is_scaled = constants[row] > 0
         bounds_of_columns = _largest(program.column_lower, program.column_upper)
-        magnitudes = np.concatenate(
-            [
-                constants[row[is_scaled]] / entries.data[is_scaled],
-                bounds_of_columns[bounds_of_columns > 0],
-            ]
-        )
+        sizes = constants[row[is_scaled]] / entries.data[is_scaled]
+        magnitudes = np.concatenate([sizes, bounds_of_columns[bounds_of_columns > 0]])
         place = np.concatenate([entries.indices[is_scaled], np.flatnonzero(bounds_of_columns)])
         columns = np.ones(program.size)
         for block in program._columns:
@@ -73,18 +69,15 @@ class Scaling:
         largest = sized.max(axis=1).toarray().ravel() if sized.nnz else np.zeros(program.row_count)
         rows = _by_block(program._rows, 1.0 / np.where(largest > 0, largest, 1.0), largest > 0)
         costs = np.abs(program.cost) * columns
-        changed: dict[str, Any] = {}
-        if isinstance(program, QuadraticProgram):
-            hessian = program.hessian
+        hessian = getattr(program, "hessian", None)
+        if hessian is not None:
             if not plain:
                 hessian = sp.diags_array(columns) @ hessian @ sp.diags_array(columns)
             costs = np.maximum(costs, np.abs(hessian.diagonal()))
-            changed["hessian"] = hessian
         unit = common(float(costs.max(initial=0.0)) or 1.0)
         if plain and (rows == 1.0).all() and unit == 1.0:
             return None
-        if "hessian" in changed:
-            changed["hessian"] = changed["hessian"] / unit
+        changed: dict[str, Any] = {} if hessian is None else {"hessian": hessian / unit}
         with np.errstate(over="ignore", under="ignore", invalid="ignore"):
             changed |= {
                 "cost": program.cost * columns / unit,
@@ -121,16 +114,6 @@ class Scaling:
         )  # fmt: skip
         return cls(scaled, np.ones(1), np.ones(1), unit)
 
-    def request(self, request: Request, control: Any) -> Request:
-        """Return `request` in the units of the scaled program, with the control of its stage."""
-        warm, cutoff = request.warm_start, request.cutoff
-        return replace(
-            request,
-            control=control,
-            warm_start=None if warm is None else np.asarray(warm, float) / self.columns,
-            cutoff=None if cutoff is None else cutoff / self.unit,
-        )
-
     def answered(self, request: Request, run: Callable[[Any, Request], Answer]) -> Answer:
         """Run a backend on the scaled program and return its answer in the given units.
 
@@ -138,17 +121,20 @@ class Scaling:
         """
 
         def report(objective: float, point: Any) -> None:
-            request.control.incumbent(*self.lifted(objective, point))
+            request.control.incumbent(objective * self.unit, np.asarray(point) * self.columns)
 
         def proven(bound: float) -> None:
             request.control.prove(bound * self.unit)
 
+        warm, cutoff = request.warm_start, request.cutoff
         with request.control.stage(request.time_limit, report, proven) as control:
-            return self.answer(run(self.program, self.request(request, control)))
-
-    def lifted(self, objective: float, point: Any) -> tuple[float, Any]:
-        """Return objective and point in the given units."""
-        return objective * self.unit, np.asarray(point) * self.columns
+            scaled = replace(
+                request,
+                control=control,
+                warm_start=None if warm is None else np.asarray(warm, float) / self.columns,
+                cutoff=None if cutoff is None else cutoff / self.unit,
+            )
+            return self.answer(run(self.program, scaled))
 
     def answer(self, answer: Answer) -> Answer:
         """Return `answer` in the given units."""
@@ -164,8 +150,9 @@ class Scaling:
 
 def _largest(lower: Vector, upper: Vector) -> Vector:
     """Return the larger magnitude of two bounds, 0 for infinite ones."""
-    sizes = [np.where(np.isfinite(bound), np.abs(bound), 0.0) for bound in (lower, upper)]
-    return np.maximum(*sizes)
+    bounds = np.abs([lower, upper])
+    largest: Vector = np.where(np.isfinite(bounds), bounds, 0.0).max(axis=0)
+    return largest
 
 
 def _is_intact(before: Any, after: Any) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -28,20 +29,14 @@ Vector = NDArray[np.float64]
 #: 9.99e19, because rows with infinite bounds of 1e20 were shifted by constants.
 OSQP_INFINITY = 9e19
 
-#: Names of arrays that identify each convention, all names it knows, and its objective vector.
-_CONVENTIONS: dict[str, tuple[frozenset[str], frozenset[str]]] = {
-    "scipy.optimize.milp": (
-        frozenset({"constraints"}),
-        frozenset({"c", "constraints", "bounds", "integrality"}),
-    ),
-    "OSQP": (frozenset({"A", "l", "u"}), frozenset({"P", "q", "A", "l", "u", "r"})),
-    "qpsolvers": (
-        frozenset({"q"}),
-        frozenset({"P", "q", "G", "h", "A", "b", "lb", "ub"}),
-    ),
+#: Names of arrays that identify each convention, and all names that it knows.
+_CONVENTIONS: dict[str, tuple[set[str], set[str]]] = {
+    "scipy.optimize.milp": ({"constraints"}, {"c", "constraints", "bounds", "integrality"}),
+    "OSQP": ({"A", "l", "u"}, {"P", "q", "A", "l", "u", "r"}),
+    "qpsolvers": ({"q"}, {"P", "q", "G", "h", "A", "b", "lb", "ub"}),
     "scipy.optimize.linprog": (
-        frozenset({"c"}),
-        frozenset({"c", "A_ub", "b_ub", "A_eq", "b_eq", "bounds", "integrality"}),
+        {"c"},
+        {"c", "A_ub", "b_ub", "A_eq", "b_eq", "bounds", "integrality"},
     ),
 }
 
@@ -151,23 +146,15 @@ def _matrix(name: str, value: Any, columns: int | None) -> sp.csr_array:
 
 
 class _Rows:
-    """Rows collected group by group, each group a block."""
+    """Rows collected group by group, each group a block: names, matrices, lower and upper bounds."""
 
     def __init__(self, columns: int) -> None:
-        self.columns, self.start = columns, 0
-        self.matrices: list[sp.csr_array] = []
-        self.lower: list[Vector] = []
-        self.upper: list[Vector] = []
-        self.blocks: list[Block] = []
+        self.columns = columns
+        empty = np.empty(0)
+        self.groups = [("", sp.csr_array((0, columns)), empty, empty)]
 
     def add(self, name: str, matrix: sp.csr_array, lower: Vector, upper: Vector) -> None:
-        self.matrices.append(matrix)
-        self.lower.append(lower)
-        self.upper.append(upper)
-        count = matrix.shape[0]
-        if count:
-            self.blocks.append(Block(name, "", self.start, count))
-        self.start += count
+        self.groups.append((name, matrix, lower, upper))
 
     def pair(self, content: Mapping[str, Any], left: str, right: str, equal: bool) -> None:
         """Add the rows ``left @ x <= right``, or with ``=``, if they are given."""
@@ -184,13 +171,17 @@ class _Rows:
 
     def fields(self) -> dict[str, Any]:
         """Return the fields of a program."""
-        empty = [np.empty(0)]
-        matrices = self.matrices or [sp.csr_array((0, self.columns))]
+        names, matrices, lower, upper = zip(*self.groups, strict=True)
+        ends = list(itertools.accumulate(side.size for side in lower))
         return {
             "matrix": sp.csr_array(sp.vstack(matrices)),
-            "row_lower": np.concatenate(self.lower or empty),
-            "row_upper": np.concatenate(self.upper or empty),
-            "rows": tuple(self.blocks),
+            "row_lower": np.concatenate(lower),
+            "row_upper": np.concatenate(upper),
+            "rows": tuple(
+                Block(name, "", end - side.size, side.size)
+                for name, end, side in zip(names, ends, lower, strict=True)
+                if side.size
+            ),
             "columns": (Block("x", "", 0, self.columns),),
         }
 

@@ -54,10 +54,10 @@ def program_of_expressions(problem: Mapping[str, Any]) -> NonlinearProgram:
                 field=str(name),
             )
     kind = casadi.SX if isinstance(problem.get("x"), casadi.SX) else casadi.MX
-    parts: dict[str, Any] = {}
-    for name, default in (("x", None), ("f", None), ("g", kind(0, 1)), ("p", kind.sym("p", 0))):
-        value = problem.get(name)
-        value = default if value is None else value
+    given = {name: value for name, value in problem.items() if value is not None}
+    parts: dict[str, Any] = {"g": kind(0, 1), "p": kind.sym("p", 0)}
+    for name in ("x", "f", "g", "p"):
+        value = given.get(name, parts.get(name))
         if value is None:
             raise InvalidData(
                 f"{name} is missing: a program of expressions has x and f", field=name
@@ -107,19 +107,13 @@ def program_of_expressions(problem: Mapping[str, Any]) -> NonlinearProgram:
     return program.with_source(Source(problem, lambda plan: {"x": np.array(plan)}))
 
 
-def _reason(error: Exception) -> str:
-    """Return the last line of an error of CasADi, which names the cause."""
-    return str(error).strip().splitlines()[-1]
-
-
 def _values(name: str, value: Any, size: int, default: float | None, infinity: int = 0) -> Vector:
     """Return a vector of values; a number applies to all entries."""
     import casadi
 
-    if value is None:
-        if default is None and size:
-            raise InvalidData(f"{name} is missing: {size} parameters need values", field=name)
-        return np.full(size, 0.0 if default is None else default)
+    if value is None and default is None and size:
+        raise InvalidData(f"{name} is missing: {size} parameters need values", field=name)
+    value = default or 0.0 if value is None else value
     if isinstance(value, casadi.DM):
         value = np.array(value)
     if not isinstance(value, casadi.MX | casadi.SX):  # rejected below
@@ -203,20 +197,15 @@ def program_of_opti(opti: casadi.Opti) -> NonlinearProgram:
     function = casadi.Function(
         "program", [x, p], [casadi.densify(opti.f), casadi.densify(opti.g)], ["x", "p"], ["f", "g"]
     )
-    shapes = [symbol.shape for symbol in casadi.symvar(x)]
+    shapes: dict[str, tuple[int, int]] = {}
     blocks: list[Block] = []
-    start = 0
-    for number, shape in enumerate(shapes):
-        size = shape[0] * shape[1]
+    discrete: list[bool] = []
+    for number, symbol in enumerate(casadi.symvar(x)):
+        size, name = symbol.numel(), f"variable {number}"
         if size:
-            blocks.append(Block(f"variable {number}", "", start, size))
-        start += size
-    discrete = np.concatenate(
-        [
-            np.full(s.numel(), bool(getattr(present.get_meta(s), "domain", 0)))
-            for s in casadi.symvar(x)
-        ]
-    )
+            shapes[name] = symbol.shape
+            blocks.append(Block(name, "", len(discrete), size))
+        discrete += [bool(getattr(present.get_meta(symbol), "domain", 0))] * size
     program = _program(
         function, parameters, x.numel(), opti.g.numel(),
         {"lbg": lower, "ubg": upper, "lbx": None, "ubx": None, "x0": guess},
@@ -224,10 +213,10 @@ def program_of_opti(opti: casadi.Opti) -> NonlinearProgram:
     )  # fmt: skip
 
     def values(plan: Vector) -> dict[str, Any]:
-        parts = {}
-        for block, shape in zip(program.columns, [s for s in shapes if s[0] * s[1]], strict=True):
-            parts[block.name] = np.array(plan[block.slice]).reshape(shape, order="F")
-        return parts
+        return {
+            block.name: np.array(plan[block.slice]).reshape(shapes[block.name], order="F")
+            for block in blocks
+        }
 
     def assign(plan: Vector, duals: Vector | None, objective: float, termination: str) -> None:
         opti.set_initial(x, plan)

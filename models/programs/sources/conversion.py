@@ -22,8 +22,7 @@ def objects() -> dict[str, Any]:
 
 def converted(value: Any) -> Program | None:
     """Return the program of an object if its type is known to :func:`program_of`, else None."""
-    known = bool(_root(value)) or isinstance(value, Mapping | tuple)
-    return program_of(value) if known else None
+    return program_of(value) if _root(value) or isinstance(value, Mapping | tuple) else None
 
 
 def program_of(value: Any) -> Program:
@@ -74,8 +73,5 @@ def program_of(value: Any) -> Program:
 
 def _root(value: Any) -> str:
     """Return the library that defines the type of `value`, or a base of it."""
-    for base in type(value).__mro__:
-        name = base.__module__.partition(".")[0]
-        if name in objects():
-            return name
-    return ""
+    roots = (base.__module__.partition(".")[0] for base in type(value).__mro__)
+    return next((name for name in roots if name in objects()), "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import warnings
 from collections.abc import Sequence
@@ -174,10 +175,10 @@ def _first_violation(problem: Any) -> str:
 
 def _other_rules(problem: Any) -> str:
     """Return a hint if the problem follows other rules of CVXPY."""
-    for rules, option in (("quasiconvex", "qcp"), ("geometric", "gp")):
-        if problem.is_dqcp() if option == "qcp" else problem.is_dgp():
-            return f"; it is disciplined {rules}: solve it with problem.solve({option}=True)"
-    return ""
+    rules = ("quasiconvex", "qcp") if problem.is_dqcp() else ("geometric", "gp")
+    if not (problem.is_dqcp() or problem.is_dgp()):
+        return ""
+    return f"; it is disciplined {rules[0]}: solve it with problem.solve({rules[1]}=True)"
 
 
 def _shortened(part: Any) -> str:
@@ -200,12 +201,7 @@ class _Standard:
         last = inverse[-1]
         self.constraints = [*last["eq_constr"], *last["other_constr"]]
         self.names = self._names()
-
-    @property
-    def _maximises(self) -> bool:
-        import cvxpy
-
-        return isinstance(self.problem.objective, cvxpy.Maximize)
+        self.maximises = problem.objective.NAME == "maximize"
 
     def program(self) -> RowProgram:
         """Return the program."""
@@ -229,7 +225,7 @@ class _Standard:
             "offset": float(self.inverse[-1]["offset"]),
             "rows": rows_of,
             "columns": self._columns(cost.size),
-            "maximise": self._maximises,
+            "maximise": self.maximises,
         }
         result: RowProgram
         is_quadratic = hessian is not None and hessian.nnz > 0
@@ -249,10 +245,11 @@ class _Standard:
 
     def _bounds(self, size: int) -> tuple[Vector, Vector]:
         """Return the column bounds: the attributes of variables, and 0 and 1 for Boolean ones."""
-        low, high = np.full(size, -np.inf), np.full(size, np.inf)
-        for bound, key in ((low, "lower_bounds"), (high, "upper_bounds")):
-            if self.data.get(key) is not None:
-                bound[:] = self.data[key]
+        given = self.data.get("lower_bounds"), self.data.get("upper_bounds")
+        low, high = (
+            np.full(size, other if bound is None else bound, float)
+            for bound, other in zip(given, (-np.inf, np.inf), strict=True)
+        )
         binary = self._indices("boolean_idx")
         low[binary] = np.maximum(low[binary], 0.0)
         high[binary] = np.minimum(high[binary], 1.0)
@@ -265,8 +262,7 @@ class _Standard:
             reduced = constraint.id
             for entry in self.inverse:
                 reduced = (getattr(entry, "cons_id_map", None) or {}).get(reduced, reduced)
-            label = getattr(constraint, "label", None)
-            name = label or _shortened(constraint)
+            name = getattr(constraint, "label", None) or _shortened(constraint)
             names[reduced] = f"{name} (constraint {number})" if name in names.values() else name
         return names
 
@@ -276,11 +272,8 @@ class _Standard:
         cones: list[ConeBlock] = []
         place = added = 0
         for constraint in self.constraints:
-            if constraint.id in self.names:
-                name = self.names[constraint.id]
-            else:
-                added += 1
-                name = f"auxiliary {added}"
+            added += constraint.id not in self.names
+            name = self.names.get(constraint.id, f"auxiliary {added}")
             kind = type(constraint).__name__
             if kind in ("Zero", "NonNeg"):
                 if constraint.size:
@@ -301,17 +294,14 @@ class _Standard:
         """Return the blocks of the columns, named by variables; those that CVXPY added are auxiliary."""
         standard = self.inverse[-2]
         known = {variable.id: variable for variable in self.problem.variables()}
-        blocks: list[Block] = []
-        taken: set[str] = set()
+        blocks: dict[str, Block] = {}
         for number, (start, count) in sorted(standard.id_map.items(), key=lambda item: item[1]):
-            if not count:
-                continue
             variable = known.get(number)
             name = f"auxiliary column {start}" if variable is None else variable.name()
-            name = f"{name} ({number})" if name in taken else name
-            taken.add(name)
-            blocks.append(Block(name, "", start, count, *_places(variable, name, count)))
-        return tuple(blocks)
+            name = f"{name} ({number})" if name in blocks else name
+            if count:
+                blocks[name] = Block(name, "", start, count, *_places(variable, name, count))
+        return tuple(blocks.values())
 
     def _inverted(self, plan: Vector, duals: Vector | None, objective: float) -> Any:
         """Return the solution of the user's problem in CVXPY's form."""
@@ -324,12 +314,11 @@ class _Standard:
             values = utilities.get_dual_values(
                 signed, utilities.extract_dual_value, self.constraints
             )
-        minimised = -objective if self._maximises else objective
+        minimised = -objective if self.maximises else objective
         variable = self.inverse[-1]["var_id"]
         solution = Solution("optimal", minimised, {variable: np.array(plan)}, values, {})
-        for reduction, entry in zip(
-            reversed(self.chain.reductions[:-1]), reversed(self.inverse[:-1]), strict=True
-        ):
+        steps = list(zip(self.chain.reductions[:-1], self.inverse[:-1], strict=True))
+        for reduction, entry in reversed(steps):
             solution = reduction.invert(solution, entry)
         return solution
 
@@ -353,20 +342,14 @@ class _Standard:
             solution.status = "optimal" if termination == "optimal" else "user_limit"
         else:
             solution = failure_solution(termination)
-            solution.opt_val *= -1.0 if self._maximises else 1.0
+            solution.opt_val *= -1.0 if self.maximises else 1.0
         self.problem.unpack(solution)
 
 
 def _runs(sizes: Sequence[int], kind: str) -> list[tuple[int, int]]:
     """Return the dimensions of consecutive cones with their counts."""
-    result: list[tuple[int, int]] = []
-    for size in map(int, sizes):
-        dimension = size * (size + 1) // 2 if kind == "SvecPSD" else size
-        if result and result[-1][0] == dimension:
-            result[-1] = (dimension, result[-1][1] + 1)
-        else:
-            result.append((dimension, 1))
-    return result
+    rows = (int(size * (size + 1) // 2 if kind == "SvecPSD" else size) for size in sizes)
+    return [(dimension, len(list(group))) for dimension, group in itertools.groupby(rows)]
 
 
 def _places(variable: Any, name: str, count: int) -> tuple[Any, ...]:

@@ -38,13 +38,14 @@ def named_values(values: Mapping[str, Any], *, by_size: bool = True) -> list[tup
     Entries of arrays have names such as ``"x[1, 2]"``, and complex numbers are texts. If `by_size`, the largest
     magnitudes come first; otherwise the order is that of the variables.
     """
-    result: list[tuple[str, Any, float]] = []
+    result: list[tuple[str, Any]] = []
     for name, value in values.items():
         array = np.asarray(value.toarray() if sp.issparse(value) else value)
         for place, entry in zip(np.ndindex(array.shape), array.ravel().tolist(), strict=True):
-            label = f"{name}[{', '.join(map(str, place))}]" if place else name
-            shown = str(entry) if isinstance(entry, complex) and entry else entry
-            result.append((label, shown, abs(entry)))
+            result.append((f"{name}[{', '.join(map(str, place))}]" if place else name, entry))
     if by_size:
-        result.sort(key=lambda item: -item[2])
-    return [(name, value) for name, value, _ in result]
+        result.sort(key=lambda item: -abs(item[1]))
+    return [
+        (name, str(entry) if isinstance(entry, complex) and entry else entry)
+        for name, entry in result
+    ]
