@@ -1,11 +1,19 @@
 """How tests of backends run what may not share a process: a test's own file is also the script."""
 
+import faulthandler
+import functools
 import json
+import multiprocessing
 import os
+import runpy
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any
+
+import pytest
 
 from crosstrack.solvers.conformance import CaseResult, Status
 
@@ -17,19 +25,37 @@ def python(code: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@functools.cache
+def _template() -> Any:
+    """Return the context of a process that has imported the suite, but no solver, and is copied per run."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["numpy", "pytest", "crosstrack.solvers.conformance"])
+    return context
+
+
 def elsewhere(script: str, *arguments: str, quiet: bool = False) -> Any:
     """Return what `script` answers to `arguments` in a fresh process, that must write nothing if `quiet`."""
-    done = subprocess.run(
-        [sys.executable, "-X", "faulthandler", script, *arguments],
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-4000:]
-    assert done.stderr == "" or not quiet
-    return json.loads(done.stdout)
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+            patch.setenv(name, "1")
+        process = _template().Process(target=_run, args=(script, arguments, folder))
+        process.start()
+        process.join(240)
+        process.kill()
+        process.join()
+        written, answer = (Path(folder, name).read_text() for name in ("err", "out"))
+    assert process.exitcode == 0, written[-4000:]
+    assert written == "" or not quiet
+    return json.loads(answer)
+
+
+def _run(script: str, arguments: tuple[str, ...], folder: str) -> None:
+    for number, name in ((1, "out"), (2, "err")):
+        os.dup2(os.open(Path(folder, name), os.O_CREAT | os.O_WRONLY), number)
+    faulthandler.enable()
+    sys.argv = [script, *arguments]
+    sys.path.insert(0, str(Path(script).parent))
+    runpy.run_path(script, run_name="__main__")
 
 
 def answer_with(main: Callable[..., Any]) -> None:
@@ -42,16 +68,20 @@ def answer_with(main: Callable[..., Any]) -> None:
         json.dump(main(*sys.argv[1:]), out)
 
 
-def loaded_by_describing(names: Iterable[str], modules: set[str]) -> str:
-    """Return which of `modules` are loaded once the backends have been looked up and described."""
+@functools.cache
+def loaded_by_describing() -> frozenset[str]:
+    """Return the modules that are loaded once all backends of programs and their cases are described."""
     done = python(
-        "import sys\n"
-        "from crosstrack.solvers.contract.registry import find_backend\n"
-        f"for name in {tuple(names)!r}:\n"
+        "import json, sys\n"
+        "from crosstrack.solvers.conformance import cases_for\n"
+        "from crosstrack.solvers.contract.registry import _SOLVERS, find_backend\n"
+        "for name in _SOLVERS:\n"
         "    b = find_backend(name); b.missing(); b.version()\n"
-        f"print(sorted({modules!r} & set(sys.modules)))"
+        "assert cases_for(find_backend('clarabel')) and cases_for(find_backend('highs'))\n"
+        "print(json.dumps(sorted(sys.modules)))"
     )
-    return done.stdout.strip() + done.stderr
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    return frozenset(json.loads(done.stdout))
 
 
 def unforeseen(found: Iterable[CaseResult], allowed: Mapping[str, str]) -> list[str]:

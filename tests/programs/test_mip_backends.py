@@ -144,7 +144,7 @@ def test_the_conflict_group_is_still_real(first: str, second: str) -> None:
 
 def test_describing_backends_loads_no_solver() -> None:
     solvers = {"highspy", "ortools", "pyscipopt", "cvxpy", "gurobipy", "scipy.optimize"}
-    assert loaded_by_describing(BACKENDS, solvers) == "[]"
+    assert not solvers & loaded_by_describing()
 
 
 def test_gurobi_names_the_size_limit() -> None:
@@ -238,11 +238,13 @@ LIES: dict[str, tuple[str, Callable[[MixedIntegerProgram, Request, Answer], Answ
 
 def liar(lie: Callable[[MixedIntegerProgram, Request, Answer], Answer]) -> Backend:
     honest = type(find_backend("highs"))
+    answers: list[Answer] = []
 
     class Liar(honest):  # type: ignore[misc, valid-type]
         def run(self, problem: MixedIntegerProgram, request: Request) -> Answer:
-            answer: Answer = super().run(problem, request)
-            return lie(problem, request, answer)
+            if not answers:  # all runs of these cases have the same optimum
+                answers.append(super().run(problem, request))
+            return lie(problem, request, answers[0])
 
     return Liar()
 
