@@ -63,9 +63,10 @@ def _export(library: str) -> Iterator[None]:
 def program_of_pulp(model: Any) -> RowProgram:
     """Return the program of a ``pulp.LpProblem`` with the names of variables and constraints.
 
-    A maximisation is negated, and :meth:`.Solution.assign` sets the values of the variables. Raise
-    ``InvalidData`` if the object is not a whole model, has no variables, a number is not finite, or the objective
-    is not convex, and ``UnsupportedFormulation`` for parts without an equivalent, such as special ordered sets.
+    A maximisation is negated. :meth:`.Solution.assign` sets the values of the variables and of the attributes
+    ``slack`` and ``pi`` of the constraints. Raise ``InvalidData`` if the object is not a whole model, has no
+    variables, a number is not finite, or the objective is not convex, and ``UnsupportedFormulation`` for parts
+    without an equivalent, such as special ordered sets.
     """
     import pulp
 
@@ -75,14 +76,18 @@ def program_of_pulp(model: Any) -> RowProgram:
     rows = parts() if callable(parts) else list(parts.values())  # since and before PuLP 3.3
     order = {variable: k for k, variable in enumerate(variables)}
     cost = np.array([(model.objective or {}).get(variable, 0.0) for variable in variables], float)
+    maximise = model.sense == pulp.LpMaximize
 
     def assign(plan: Vector, duals: Vector | None, objective: float, termination: str) -> None:
         for variable, value in zip(variables, plan.tolist(), strict=True):
             variable.varValue = value
-        model.assignStatus(pulp.LpStatusOptimal, pulp.LpSolutionIntegerFeasible)
+        for row, dual in zip(rows, _slopes(duals, maximise, len(rows)), strict=True):
+            row.slack, row.pi = -row.value(), dual
+        proven = pulp.LpSolutionOptimal, pulp.LpSolutionIntegerFeasible
+        model.assignStatus(pulp.LpStatusOptimal, proven[termination != "optimal"])
 
     return _program(
-        model, [v.name for v in variables], assign, maximise=model.sense == pulp.LpMaximize,
+        model, [v.name for v in variables], assign, maximise=maximise,
         cost=cost, offset=getattr(model.objective, "constant", 0.0), name=model.name,
         matrix=_matrix([([order[v] for v in row], row.values()) for row in rows], cost.size),
         row_lower=[None if row.sense == pulp.LpConstraintLE else -row.constant for row in rows],
@@ -96,7 +101,8 @@ def program_of_pulp(model: Any) -> RowProgram:
 def program_of_pyomo(model: Any) -> BlockProgram:
     """Return the program of a Pyomo model with the current values of parameters; see :func:`program_of_pulp`.
 
-    It contains the active constraints, and the variables in them or in the objective that are not fixed. It is
+    Multipliers are assigned to an imported suffix ``dual`` of linear and convex quadratic models. The program
+    contains the active constraints, and the variables in them or in the objective that are not fixed. It is
     a ``NonlinearProgram`` unless the constraints are linear and the objective is convex and quadratic.
     """
     import pyomo.environ as pyo
@@ -137,16 +143,25 @@ def _algebraic(model: Any, objectives: Sequence[Any]) -> RowProgram | None:
     form = generate_standard_repn(objectives[0].expr if objectives else 0.0, quadratic=True)
     if form.nonlinear_expr is not None:
         return None
-    linear = places(form.linear_vars)
+    linear, maximise = (
+        places(form.linear_vars),
+        bool(objectives) and objectives[0].sense == pyo.maximize,
+    )
     pairs = [places(pair) for pair in form.quadratic_vars]
     variables, cost = list(order), np.zeros(len(order))
     others = [v.name for v in variables if not (v.is_continuous() or v.is_integer())]
     _refuse("variables whose domain is neither real nor integer", others)
     cost[linear] = form.linear_coefs
+
+    def assign(plan: Vector, duals: Vector | None, *others: Any) -> None:
+        _assign(variables, plan)
+        suffix = model.component("dual")
+        if duals is not None and isinstance(suffix, pyo.Suffix) and suffix.import_enabled():
+            suffix.update(zip(rows, _slopes(duals, maximise, len(rows)), strict=True))
+
     try:
         return _program(
-            model, [v.name for v in variables], partial(_assign, variables), cost=cost,
-            maximise=bool(objectives) and objectives[0].sense == pyo.maximize,
+            model, [v.name for v in variables], assign, cost=cost, maximise=maximise,
             offset=form.constant, quadratic=_square(form.quadratic_coefs, pairs, cost.size),
             matrix=_matrix(terms, cost.size), rows=_block("row", [row.name for row in rows]),
             row_lower=[low for low, _ in bounds], row_upper=[high for _, high in bounds],
@@ -159,10 +174,15 @@ def _algebraic(model: Any, objectives: Sequence[Any]) -> RowProgram | None:
         return None
 
 
-def _assign(variables: Any, plan: Vector, duals: Any, objective: float, termination: str) -> None:
+def _assign(variables: Any, plan: Vector, *others: Any) -> None:
     """Set the values of variables of Pyomo."""
     for variable, value in zip(variables, plan.tolist(), strict=True):
         variable.set_value(value, skip_validation=True)
+
+
+def _slopes(duals: Vector | None, maximise: bool, count: int) -> list[float | None]:
+    """Return the derivatives of the author's objective with respect to the bounds of the rows."""
+    return [None] * count if duals is None else ((-1.0 if maximise else 1.0) * duals).tolist()
 
 
 def _nonlinear(model: Any) -> BlockProgram:

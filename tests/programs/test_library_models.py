@@ -113,6 +113,41 @@ def test_pulp_solutions_are_assigned_by_solve() -> None:
     assert ct.load(model).row_name(0) == "row wood_and_time"
 
 
+@pytest.mark.parametrize("maximise", [True, False])
+def test_multipliers_are_derivatives_of_the_objective_of_the_author(maximise: bool) -> None:
+    pulp = pytest.importorskip("pulp", reason="PuLP is not installed")
+    pyo = pytest.importorskip("pyomo.environ", reason="Pyomo is not installed")
+    sign = 1 if maximise else -1
+    model = pulp.LpProblem("m", pulp.LpMaximize if maximise else pulp.LpMinimize)
+    x, y = pulp.LpVariable("x", 0), pulp.LpVariable("y", 0)
+    model += sign * (3 * x + 5 * y)
+    for row in (x <= 4, 2 * y <= 12, 3 * x + 2 * y <= 18, x + y >= 1):
+        model += row
+    solution = ct.solve(model, "highs")
+    solution.assign()
+    rows = model.constraints() if callable(model.constraints) else [*model.constraints.values()]
+    assert [row.pi for row in rows] == pytest.approx([0, 1.5 * sign, sign, 0])
+    assert [row.slack for row in rows] == pytest.approx([2, 0, 0, -7])
+    assert model.sol_status == pulp.LpSolutionOptimal
+    program = ct.load(model)
+    assert program.source is not None and program.source.assign is not None
+    program.source.assign(np.zeros(2), None, 0.0, "feasible")
+    assert model.sol_status == pulp.LpSolutionIntegerFeasible
+    assert rows[0].pi is None and rows[0].slack == 4
+
+    other = pyo.ConcreteModel()
+    other.x, other.y = pyo.Var(bounds=(0, None)), pyo.Var(bounds=(0, None))
+    sense = pyo.maximize if maximise else pyo.minimize
+    other.cost = pyo.Objective(expr=sign * (3 * other.x + 5 * other.y), sense=sense)
+    other.rows = pyo.ConstraintList()
+    for row in (other.x <= 4, (-5, 2 * other.y, 12), 3 * other.x + 2 * other.y <= 18):
+        other.rows.add(row)
+    ct.solve(other, "highs").assign()  # a model without the suffix
+    other.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT)
+    ct.solve(other, "highs").assign()
+    assert [other.dual[row] for row in other.rows.values()] == pytest.approx([0, 1.5 * sign, sign])
+
+
 def test_pulp_refusals() -> None:
     pulp = pytest.importorskip("pulp", reason="PuLP is not installed")
     model, x = pulp.LpProblem("m"), pulp.LpVariable("x", 0, 4)
