@@ -26,8 +26,6 @@ __all__ = ["Posed"]
 
 Ints = NDArray[np.int64]
 
-#: Whole number for the sum of all loads.
-LARGEST = 10**7
 #: Weight of the longest route, or of the makespan, relative to the sum.
 SPAN = 100
 #: Number of customers up to which each reload and station has a copy per customer; larger fleets have
@@ -227,7 +225,7 @@ class Posed:
 
     def _declare_loads(self) -> None:
         model = self.model
-        deliveries, pickups, amounts, capacity = whole_loads(model, LARGEST)
+        deliveries, pickups, amounts, capacity = whole_loads(model)
         if model.pairs is not None:
             pickups[model.pairs[:, 0]] += amounts
             pickups[model.pairs[:, 1]] -= amounts

@@ -29,8 +29,6 @@ __all__ = ["Found", "Posed", "Unreachable"]
 Ints = NDArray[np.int64]
 Routes = list[list[int]]
 
-#: Whole number that represents the sum of all loads.
-LARGEST = 10**7
 #: Minimum mean load, so that no shorter route pays for an overload. Of two runs of 6 CPU seconds on X-n101-k25, one
 #: missed the optimum by 1 % with 2,000, and none with 100,000.
 DEAR = 100_000
@@ -68,7 +66,7 @@ class Posed:
         self.model, self.forced = model, forced
         self.scales = scales_of(model)
         self.distances = round_up(model.distances, self.scales.length)
-        loads = whole_loads(model, LARGEST)
+        loads = whole_loads(model)
         # PyVRP's penalty per unit of overload is limited, so loads must be large numbers.
         total = np.max([rows.sum(axis=0) for rows in loads[:3]], axis=0)
         factor = np.maximum(1, np.rint(DEAR * len(model.customers) / np.maximum(total, 1)))

@@ -7,12 +7,15 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
+import numpy as np
+
 from ...jit import clock
 from ...models.fleet import FleetRouting, Objective
 from ...models.fleet.checks import LIMITS
 from ..contract.backend import Option, Request
 from .pyvrp_data import Found, Posed, Unreachable
 from .rivals import Best, FleetHeuristic
+from .start import first_routes
 from .whole import COMMON, is_fetched
 
 __all__ = ["PyVrpRouting"]
@@ -100,6 +103,13 @@ class PyVrpRouting(FleetHeuristic):
             best.offer([[]] * best.problem.vehicles)  # feasible if every node is optional
             best.broken = best.broken and "service within a window"
             return counts
+        loads = best.problem.demands
+        if found is None and loads is not None and loads.ndim == 1:
+            # Routes without slack are a bin packing, which PyVRP may miss.
+            draw = np.random.default_rng(seed)
+            routes = first_routes(best.problem, draw, lambda: request.control.stopped)
+            if routes is not None:
+                best.offer_filled(routes)
         if found is None or not limited:
             return counts
         step = STEP

@@ -32,6 +32,10 @@ FOREVER = 2**42
 ARC = 2**21
 #: Largest whole number for the cost of one arc, and for a fixed cost or the sum of all prizes.
 MOST_ARC, MOST_COST = 2**36, 2**48
+#: Sum of loads without a common unit. PyVRP multiplies overloads with at most 2^25, which must fit in 63 bits.
+LOADS = 2**36
+#: Largest relative excess of a capacity by rounding: a tenth of the tolerance of the verification.
+EXCESS = 1e-7
 #: Relative error of a product that still rounds to the nearest whole number.
 NOISE = 1e-12
 
@@ -193,11 +197,13 @@ def _decimal_scale(values: Floats, total: float) -> float | None:
     return None
 
 
-def whole_loads(model: FleetRouting, largest: int) -> tuple[Ints, Ints, Ints, Ints]:
+def whole_loads(model: FleetRouting) -> tuple[Ints, Ints, Ints, Ints]:
     """Return whole-number deliveries, pickups, amounts of pairs, and capacities of the vehicles.
 
-    Loads are rounded up, and capacities down to at most the sum of all amounts. Each row has one number per
-    dimension. Deliveries and pickups are from and to the depot, and 0 at the nodes of pairs.
+    Loads are rounded up, and capacities down to at most the sum of all amounts. Loads without a common unit
+    are scaled to the sum :data:`LOADS`; a capacity then has one more unit for each load that fits, if this
+    exceeds the capacity by at most :data:`EXCESS`. Each row has one number per dimension. Deliveries and
+    pickups are from and to the depot, and 0 at the nodes of pairs.
     """
     size, pairs = model.size, np.zeros((0, 2), int) if model.pairs is None else model.pairs
     if model.capacity is None:
@@ -221,13 +227,16 @@ def whole_loads(model: FleetRouting, largest: int) -> tuple[Ints, Ints, Ints, In
         least = float(loads[:, column].min(initial=np.inf, where=loads[:, column] > 0))
         unit = 1.0 if math.isinf(least) else max(least, 1e-290)
         multiple = _decimal_scale(loads[:, column] / unit, total / unit)
-        scale = _decimal_scale(loads[:, column], total) or (
-            multiple / unit if multiple else largest / max(total, 1e-290)
-        )
+        exact = _decimal_scale(loads[:, column], total) or (multiple / unit if multiple else None)
+        scale = exact or LOADS / max(total, 1e-290)
         whole[:, column] = round_up(loads[:, column], scale)
+        limits[:, column] = round_down(capacity[:, column], scale)
+        if exact is None:
+            # A unit for each load that fits, so that loads that fill a vehicle exactly still fit.
+            sums = np.cumsum(np.sort(loads[loads[:, column] > 0.0, column]))
+            units = np.searchsorted(sums, capacity[:, column] * (1.0 + NOISE), side="right")
+            limits[:, column] += np.where(units <= EXCESS * limits[:, column], units, 0)
         # The sum of the rounded loads may exceed the rounded total.
         has_room = capacity[:, column] >= total * (1.0 - NOISE)
-        limits[:, column] = np.where(
-            has_room, whole[:, column].sum(), round_down(capacity[:, column], scale)
-        )
+        limits[has_room, column] = whole[:, column].sum()
     return whole[:size], whole[size : 2 * size], whole[2 * size :], limits
