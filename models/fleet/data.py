@@ -307,9 +307,9 @@ class FleetData(Model[FleetPlan]):
         result = np.empty((self.size, self.size))
         step = max(1, BLOCK // self.size)
         for begin in range(0, self.size, step):
-            result[begin : begin + step] = self._between(
-                self.points[begin : begin + step, None], self.points
-            )
+            block = self._between(self.points[begin : begin + step, None], self.points[begin:])
+            result[begin : begin + step, begin:] = block
+            result[begin:, begin : begin + step] = block.T  # distances of points are symmetric
         return frozen(result)
 
     @cached_property

@@ -65,6 +65,8 @@ def lower_bound(model: FleetRouting, flag: Flag) -> float:
     if model.objective is Objective.RANGE or unit == 0.0 or flag[0] != 0:
         return 0.0
     proof = _Proof.of(model, unit, flag)
+    if flag[0] != 0:
+        return 0.0
     longest, total = proof.round_trips()
     total = max(total, proof.assignment())
     value = 0.0
@@ -224,6 +226,8 @@ class _Proof:
         A `known` bound on the sum scales the step length. The customers in `apart` are on different routes.
         The steps end early at the bound `enough`.
         """
+        if self.flag[0] != 0:
+            return 0.0
         n, roots = self.size, max(len(apart), 1)
         nodes = np.concatenate([np.array(apart, int), np.setdiff1d(np.arange(n), apart)])
         costs = self.costs[np.ix_(nodes, nodes)]

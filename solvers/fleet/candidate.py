@@ -34,11 +34,15 @@ CODES = {
 
 def nearest_of(distances: Floats, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the nearest other `nodes` of each of them, by the way there and back; -1 beyond the last."""
-    near = np.full((len(distances), max(1, min(NEIGHBOURS, len(nodes) - 1))), -1, np.int64)
-    for i in nodes:
-        others = nodes[nodes != i]
-        both = distances[i, others] + distances[others, i]
-        order = others[np.argsort(both, kind="stable")][: near.shape[1]]
+    width = max(1, min(NEIGHBOURS, len(nodes) - 1))
+    near = np.full((len(distances), width), -1, np.int64)
+    for place, i in enumerate(nodes):
+        both = distances[i, nodes] + distances[nodes, i]
+        both[place] = math.inf
+        # Only entries up to the last neighbour are sorted; ties keep the order of the nodes.
+        picked = np.flatnonzero(both <= np.partition(both, width - 1)[width - 1])
+        picked = picked[picked != place]
+        order = nodes[picked[np.argsort(both[picked], kind="stable")][:width]]
         near[i, : order.size] = order
     return near
 
@@ -69,14 +73,15 @@ def rules_of(
     return np.array([each(model.battery, unit), each(model.capacity, 1.0)]), np.array(rules)
 
 
-def scaled(model: FleetRouting) -> Fleet:
-    """Return the data of `model` for the kernels."""
+def scaled(model: FleetRouting, annealed: bool = True) -> Fleet:
+    """Return the data of `model` for the kernels; without nearest nodes unless it is `annealed`."""
     n, nodes = model.size, model.customers
     unit = float(model.distances.max()) or 1.0
     distances = np.ascontiguousarray(model.distances / unit)
     limits, rules = rules_of(model, unit, np.arange(model.vehicles))
+    near = nearest_of(distances, nodes) if annealed else np.full((n, 1), -1, np.int64)
     return Fleet(
-        nodes, nearest_of(distances, nodes), distances, np.concatenate([np.arange(n), model.homes]),
+        nodes, near, distances, np.concatenate([np.arange(n), model.homes]),
         np.zeros(n) if model.demands is None else np.array(model.demands), limits, rules,
         model.use_all,
     )  # fmt: skip

@@ -121,18 +121,17 @@ class _Search:
         begin = clock()
         seeds = np.random.SeedSequence(request.seed or 0).spawn(ABREAST)
         self.draws = [np.random.default_rng(seed) for seed in seeds]
-        tour = model.preferred_formulation == "two-index" and model.size <= MOST_IN_TOUR
-        self.in_parts = model.size > LARGE and not tour
+        self.in_parts = model.size > LARGE and not (
+            GiantTour.covers(model) and model.size <= MOST_IN_TOUR
+        )
         if self.in_parts:
             self.search_parts()
         else:
-            self.fleet = scaled(model)
-            self.tour = GiantTour.of(model, self.fleet)
-            self.begin()
             # More threads than concurrent annealings would stay idle.
             threads = min(ABREAST, request.available_threads)
-            with ThreadPoolExecutor(threads) as pool:
-                self.search(pool)
+            if self.begin():
+                with ThreadPoolExecutor(threads) as pool:
+                    self.search(pool)
         limit = request.control.limit or (Limit.TIME if request.left() == 0.0 else None)
         statistics = {"steps": self.steps, "rounds": self.rounds}
         seconds = {"solve": clock() - begin, "bound": self.proving}
@@ -159,18 +158,29 @@ class _Search:
             return False
         return self.objective - self.bound <= self.request.gap * abs(self.objective)
 
-    def begin(self) -> None:
-        """Compute the fast lower bound and the first routes."""
+    def begin(self) -> bool:
+        """Compute the fast bound, the first routes and the data of the kernels; return whether time is left.
+
+        The first routes need no matrix, which takes seconds for thousands of nodes.
+        """
         model, request = self.model, self.request
         if request.options["bound"]:
             self.prove(trip_bound(model))
         self.packing = np.random.default_rng(np.random.SeedSequence([request.seed or 0, 1]))
-        if request.warm_start is not None:
-            self.offer(Candidate(self.fleet, [list(route) for route in request.warm_start.routes]))
-            return
-        first = first_plan(model, self.packing, lambda: self.must_stop)
-        if first is not None:
-            self.keep(*first)
+        warm = request.warm_start
+        if warm is None:
+            first = first_plan(model, self.packing, lambda: self.must_stop)
+            if first is not None:
+                self.keep(*first)
+            # The matrix alone takes 0.5 s for 5000 points.
+            if self.must_stop or (model.distances.size and self.must_stop):
+                return False
+        self.fleet = scaled(model, not GiantTour.covers(model))
+        if warm is not None:
+            self.offer(Candidate(self.fleet, [list(route) for route in warm.routes]))
+        if not self.must_stop:
+            self.tour = GiantTour.of(model, self.fleet, lambda: self.must_stop)
+        return not self.must_stop
 
     def search_parts(self) -> None:
         """Find routes of a large fleet and improve them part by part."""
@@ -211,7 +221,7 @@ class _Search:
         steps = options["steps"] or min(max(STEPS * count, LEAST), MOST)
         idle = stale = 0
         improved = False
-        flag = request.control.flag
+        flag, unit = request.control.flag, float(self.model.distances.max()) or 1.0
 
         def work(job: tuple[Candidate, float, np.random.Generator]) -> int:
             candidate, hot, draw = job
@@ -224,6 +234,8 @@ class _Search:
         while idle < options["patience"] and not self.within_gap:
             if self.must_stop:
                 return
+            if self.bound is not None:  # annealing ends at this objective
+                self.fleet.rules[8] = self.bound / (1.0 - min(self.request.gap, 0.5)) / unit
             jobs = [self.select_start(draw) for draw in self.draws]
             self.steps += sum(threads.map(work, jobs))
             self.rounds += 1
@@ -243,14 +255,9 @@ class _Search:
                 self.born, stale, improved = 0, 0, False
 
     def prove(self, bound: float) -> None:
-        """Report a lower bound and set the objective at which annealing ends."""
-        control = self.request.control
-        control.prove(bound)
+        """Report a lower bound."""
+        self.request.control.prove(bound)
         self.bound = max(bound, self.bound or 0.0)
-        if self.in_parts:
-            return
-        unit = float(self.model.distances.max()) or 1.0
-        self.fleet.rules[8] = self.bound / (1.0 - min(self.request.gap, 0.5)) / unit
 
     def weigh(self, broken: list[bool]) -> None:
         """Increase the penalty if all annealings ended with violations, decrease it if none did."""

@@ -7,6 +7,7 @@ the ACM 21, 1974.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
@@ -47,12 +48,20 @@ class GiantTour:
     distances: Floats
     near: Whole
 
+    @staticmethod
+    def covers(model: FleetRouting) -> bool:
+        """Return whether the sum of `model`, without other limits than a budget, is that of a tour."""
+        size = len(model.customers) + model.vehicles
+        return model.preferred_formulation == "two-index" and size >= LEAST
+
     @classmethod
-    def of(cls, model: FleetRouting, fleet: Fleet) -> Self | None:
-        """Return the tour of `model`, None if it has other limits than a budget, or another objective."""
-        nodes, m = fleet.nodes, model.vehicles
-        if model.preferred_formulation != "two-index" or len(nodes) + m < LEAST:
+    def of(
+        cls, model: FleetRouting, fleet: Fleet, ended: Callable[[], bool] = lambda: False
+    ) -> Self | None:
+        """Return the tour of `model`, None if it does not cover the model or the time `ended`."""
+        if not cls.covers(model):
             return None
+        nodes, m = fleet.nodes, model.vehicles
         places = np.concatenate([nodes, model.homes])
         distances = fleet.distances[np.ix_(places, places)]
         c, copies = len(nodes), min(COPIES, m)
@@ -63,6 +72,8 @@ class GiantTour:
         # A customer may join a few copies, which differ from one customer to the next.
         marks = c + (COPIES * np.arange(c)[:, None] + np.arange(copies)) % m
         for i in range(c + m):
+            if i % 256 == 255 and ended():
+                return None
             row = distances[i, :c].copy()
             if i < c:
                 row[i] = np.inf

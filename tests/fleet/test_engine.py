@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from crosstrack.models.fleet import FleetPlan, data
 from crosstrack.models.fleet.checks import loads_of
 from crosstrack.solvers.fleet import decomposition, fleet_search
 from crosstrack.solvers.fleet.bound import lower_bound
-from crosstrack.solvers.fleet.candidate import Candidate, scaled
+from crosstrack.solvers.fleet.candidate import Candidate, nearest_of, scaled
 from crosstrack.solvers.fleet.decomposition import Parts
 from crosstrack.solvers.fleet.fleet_kernels import Routes, measure, workspace
 from crosstrack.solvers.fleet.giant_tour import GiantTour
@@ -230,3 +232,31 @@ def test_a_search_in_parts_keeps_its_options_and_the_bound_of_all_distances():
     assert found.statistics["steps"] == 7 * found.statistics["rounds"] > 0
     found = ct.solve(model, "fleet-search", backend_options={"steps": 7}, seed=0)
     assert found.dual_bound == lower_bound(model, RUNNING) > 1.05 * tree_bound(model)
+
+
+@pytest.mark.parametrize("objective", ["sum", "max"])
+def test_large_fleets_have_a_plan_soon_after_the_limit(objective: str) -> None:
+    model = FleetRouting(10, points=np.random.default_rng(3).random((3000, 2)), objective=objective)
+    reached: list[float] = []
+    timer = threading.Timer(0.3, lambda: reached.append(time.process_time()))
+    timer.start()
+    answer = ct.solve(model, "fleet-search", time_limit=0.3, seed=1)
+    over = time.process_time() - reached[0] if reached else 0.0
+    timer.cancel()
+    assert answer.plan is not None
+    assert over < 1.0  # CPU seconds: first routes, 0.2 s, and the steps of compiling
+
+
+def test_nearest_nodes_are_those_of_a_full_sort() -> None:
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        n = int(rng.integers(2, 60))
+        distances = rng.integers(0, 8, (n, n)).astype(float) if seed % 2 else rng.random((n, n))
+        nodes = np.sort(rng.permutation(n)[: int(rng.integers(1, n + 1))])
+        near = nearest_of(distances, nodes)
+        for i in nodes:
+            others = nodes[nodes != i]
+            order = np.argsort(distances[i, others] + distances[others, i], kind="stable")
+            expected = others[order][: near.shape[1]]
+            assert near[i, : expected.size].tolist() == expected.tolist()
+            assert (near[i, expected.size :] == -1).all()
