@@ -19,15 +19,20 @@ from ..run.dispatch import solve
 
 __all__ = ["diagnose_fleet"]
 
+#: Checks that a route with a single node violates in general.
+INCOMPLETE = ("each node visited once", "every vehicle used", "one node of each group")
+#: Largest number of nodes times vehicles for routes with a single node, which take a second together.
+MOST = 2000
+
 
 def diagnose_fleet(model: FleetRouting, time_limit: float | None = None) -> Diagnosis:
     """Return the nodes or limits that make the model infeasible, and by how much.
 
     Nodes that no vehicle can reach or serve are reported first. If every node can be reached, the model is
-    solved, and then again without each of its limits. `time_limit` is that of each search, s. Rich
-    features are not analysed: the model is only solved.
+    solved, and then again without each of its limits. `time_limit` is that of each search, s. If a rich
+    model has no plan, the nodes that no vehicle can serve on a route of their own are reported.
     """
-    findings = () if model.is_rich else (*_too_far(model), *_too_heavy(model))
+    findings = (*(() if model.is_rich else _too_far(model)), *_too_heavy(model))
     method = "each node by itself"
     if not findings and not model.is_rich and model.budget is not None:
         findings, method = tuple(_too_long(model, time_limit)), "the shortest routes in all"
@@ -37,12 +42,14 @@ def diagnose_fleet(model: FleetRouting, time_limit: float | None = None) -> Diag
     if answer.plan is not None:
         summary = f"a plan exists: {answer.plan}, {answer.primal_bound:.10g}"
         return Diagnosis(model.name, True, answer.backend, summary)
+    findings = tuple(_unserved(model)) if model.is_rich else ()
     if answer.termination is not Termination.INFEASIBLE:
-        return Diagnosis(model.name, None, answer.backend, f"not settled: {answer.termination}")
+        reasons = [str(answer.termination), *(finding.text for finding in findings[:1])]
+        summary = f"not settled: {'; '.join(reasons)}"
+        return Diagnosis(model.name, None, answer.backend, summary, findings)
     if model.is_rich:
-        return Diagnosis(
-            model.name, False, answer.backend, "no plan: the features exclude one another"
-        )
+        text = findings[0].text if findings else "the features exclude one another"
+        return Diagnosis(model.name, False, answer.backend, f"no plan: {text}", findings)
     findings = tuple(_without_limits(model, time_limit))
     summary = "no plan: " + (
         findings[0].text
@@ -70,25 +77,62 @@ def _too_far(model: FleetRouting) -> Iterator[Finding]:
         )
 
 
+def _required(model: FleetRouting) -> list[int]:
+    """Return the nodes that every plan visits and that are in no group and no pair."""
+    pairs = [] if model.pairs is None else model.pairs.ravel().tolist()
+    free = {*pairs, *(node for group in model.groups or () for node in group)}
+    return [
+        node for node in model.customers.tolist() if not model.optional[node] and node not in free
+    ]
+
+
 def _too_heavy(model: FleetRouting) -> Iterator[Finding]:
-    """Yield demands above the largest capacity, and a total demand above the total capacity."""
+    """Yield loads above the largest capacity, and a total load above the total capacity."""
     if model.capacity is None:
         return
-    assert model.demands is not None
-    largest, total = float(model.capacity.max()), float(model.capacity.sum())
-    for node in model.customers[model.demands[model.customers] > largest * (1 + 1e-9)].tolist():
-        demand = float(model.demands[node])
-        yield Finding(
-            f"node {model.label(node)} takes {demand:.6g}, and no vehicle gives more than {largest:.6g}",
-            where=f"node {model.label(node)}",
-            data={"node": node, "demand": demand, "capacity": largest},
-        )
-    demanded = float(model.demands[model.customers].sum())
-    if demanded > total * (1 + 1e-9):
-        yield Finding(
-            f"all nodes take {demanded:.6g}, and all vehicles give {total:.6g}",
-            data={"demand": demanded, "capacity": total},
-        )
+    nodes, capacity = _required(model), model.capacity.reshape(model.vehicles, -1)
+    for field, verb in (("demands", "take"), ("pickups", "bring")):
+        rows = getattr(model, field)
+        if rows is None:
+            continue
+        for c, loads in enumerate(rows.reshape(model.size, -1).T):
+            largest, total = float(capacity[:, c].max()), float(capacity[:, c].sum())
+            place = f" in dimension {c}" * (capacity.shape[1] > 1)
+            for node in [node for node in nodes if loads[node] > largest * (1 + 1e-6)]:
+                load = float(loads[node])
+                yield Finding(
+                    f"node {model.label(node)} {verb}s {load:.6g}{place}, and no vehicle gives more than "
+                    f"{largest:.6g}",
+                    where=f"node {model.label(node)}",
+                    data={"node": node, "demand": load, "capacity": largest},
+                )
+            carried = float(loads[nodes].sum())
+            if carried > total * (1 + 1e-6) and not model.reloads:
+                yield Finding(
+                    f"all nodes {verb} {carried:.6g}{place}, and all vehicles give {total:.6g}",
+                    data={"demand": carried, "capacity": total},
+                )
+
+
+def _unserved(model: FleetRouting) -> Iterator[Finding]:
+    """Yield the nodes that no vehicle can serve on a route of their own, with a violated check."""
+    nodes = _required(model)
+    for node in nodes if len(nodes) * model.vehicles <= MOST else ():
+        broken = []
+        for k in range(model.vehicles):
+            routes = [[node] if k == vehicle else [] for vehicle in range(model.vehicles)]
+            checks = model.verify(model.with_schedule(routes)).violated
+            broken.append([check for check in checks if check.name not in INCOMPLETE])
+            if not broken[-1]:
+                break
+        else:
+            check = broken[0][0]
+            yield Finding(
+                f"node {model.label(node)} cannot be served on a route of its own: vehicle 0 violates "
+                f"{check.name!r}" + (f" by {check.worst:.6g} {check.unit}" if check.unit else ""),
+                where=f"node {model.label(node)}",
+                data={"node": node, "checks": [entry[0].name for entry in broken]},
+            )
 
 
 def _too_long(model: FleetRouting, time_limit: float | None) -> Iterator[Finding]:
