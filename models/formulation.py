@@ -222,6 +222,10 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         """
         return iter(())
 
+    def with_fixed_times(self) -> Program | None:
+        """Return the program with all free times fixed at those of the guess; None if there are none."""
+        return None
+
     @property
     def is_restricted(self) -> bool:
         """Whether plans are restricted, such as to linear controls, so that they verify more easily."""

@@ -127,7 +127,7 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
 
     work.begin_stage()
     answer, problem = _approximate(run, problem, request, first, attend, left, work)
-    answer, problem = rescue(run, formulation, problem, request, answer, approximate, left)
+    answer, problem = rescue(run, formulation, problem, request, answer, attend, approximate, left)
     if run.target.formulation is not None and run.target.formulation.name != formulation.name:
         # The remarks on other starts are about the first stage.
         del run.notes[remarks:]

@@ -8,7 +8,7 @@ not seconds, so that the result is the same at any load of the machine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, pairwise
 from typing import Any
@@ -191,19 +191,41 @@ def _grade(run: Run, answer: Answer) -> tuple[int, float]:
     return (_SETTLED if settled else _VERIFIED), np.inf if value is None else value
 
 
+def _from_fixed_times(
+    run: Run,
+    formulation: Any,
+    request: Request,
+    attend: Callable[[Any, Request], Answer],
+    left: float | None,
+) -> Iterator[tuple[str, Any]]:
+    """Yield the formulation started at a plan with the guessed times, if such a plan is found.
+
+    With free times even a linear motion is not convex: a search that shortens the duration below the least one
+    ends infeasible.
+    """
+    program = formulation.with_fixed_times()
+    if program is not None and not request.control.stopped:
+        limited = with_iterations(request, RESTRICTED_ITERATIONS)
+        answer = attend(program, replace(limited, time_limit=left))
+        if answer.point is not None and answer.termination in CLAIMS_PLAN:
+            plan = formulation.decode(answer.point)
+            yield f"{formulation.name} from fixed times", formulation.guessed(plan)
+
+
 def rescue(
     run: Run,
     formulation: Formulation[Any, Any],
     program: Any,
     request: Request,
     answer: Answer,
+    attend: Callable[[Any, Request], Answer],
     solve: Callable[[Any, Request], tuple[Answer, Any]],
     left: Callable[[], float | None],
 ) -> tuple[Answer, Any]:
     """Return `answer` and its program, or those of an alternative of the formulation if it is not settled.
 
     `formulation` is the first one, with the guess of the caller; the run's own may have a drawn start by now.
-    `solve` solves and refines the run's target, and `left` returns the seconds left (None for no limit). The
+    `attend` solves one program, `solve` solves and refines the run's target, and `left` returns the seconds left (None for no limit). The
     target and history of the run become those of the best stage. Statistics list the stages under
     :data:`STAGES`.
     """
@@ -214,10 +236,14 @@ def rescue(
     )
     others = formulation.alternatives()
     is_final = settled or not has_ladder(run.job) or run.job.model.is_blinded
-    following = None if is_final else next(others, None)
-    if following is None:
+    if is_final:
         return answer, program
     best = _Stage.of(run, program, answer)
+    if best.grade[0] == _NOTHING and answer.limit is None:
+        others = chain(_from_fixed_times(run, formulation, request, attend, left()), others)
+    following = next(others, None)
+    if following is None:
+        return answer, program
     stages, was_restricted, is_repeated = [best.words], False, False
     for label, other in chain([following], others):
         if other.is_restricted and was_restricted:

@@ -321,6 +321,17 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
             return iter(())
         return other_meshes(scheme, self)
 
+    def with_fixed_times(self) -> NonlinearProgram | None:
+        """Return the program with all times fixed at those of its guess; None if no time is free."""
+        program = self.program
+        assert isinstance(program, NonlinearProgram)
+        columns = np.concatenate([phase.time_columns for phase in self.layout.phases])
+        low, high = program.column_lower.copy(), program.column_upper.copy()
+        if not (low[columns] < high[columns]).any():
+            return None
+        low[columns] = high[columns] = program.guess[columns]
+        return replace(program, column_lower=low, column_upper=high)
+
     @property
     def is_restricted(self) -> bool:
         """Whether the controls are linear per interval, so that plans verify more easily."""

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..hamiltonian import hamiltonian_gains
+from ..hamiltonian import hamiltonian_gains, misplaced_switches
 from ..lagrange import interpolation
 from ..plan import ControlPlan, PhasePlan
 from ..sizes import PhaseSizes
@@ -237,10 +237,20 @@ def _reexamine(
     """Return meshes for an examination of optimality and its reason; None without a reason.
 
     A converged objective covers neither intervals that the last meshes left unchanged nor a restriction that all
-    meshes share. Unchanged intervals are halved if the Hamiltonian predicts a gain above the `accuracy` of the
-    objective there, and calm controls are released if their rows restrict the objective.
+    meshes share. Intervals are cut where switching functions vanish if switches at other knots cost more than the
+    `accuracy` of the objective. Calm controls are released if their rows restrict the objective, and unchanged
+    intervals halved if the Hamiltonian predicts a gain there.
     """
     words, chosen = "verified and settled, but ", _promising(strains, accuracy)
+    switches = misplaced_switches(model, plan) if rules.split else ()
+    gains = [gain for of_phase in switches for *_, gain in of_phase]
+    if sum(gains) > accuracy:
+        least = PROMISING * max(gains)
+        words += f"switches at other instants may gain {sum(gains):.2g}: cut there"
+        return tuple(
+            _cut_switches(mesh, [item[:2] for item in of_phase if item[2] >= least], rules)
+            for mesh, of_phase in zip(meshes, switches, strict=True)
+        ), words
     if chosen is not None:
         strain = sum(float(strain_of.sum()) for strain_of in strains)
         words += f"controls held calm may cost {strain:.2g}: released"
@@ -249,14 +259,31 @@ def _reexamine(
     elif rules.split and former is not None:
         words += "the Hamiltonian is not constant: halved where it changes"
         parts = zip(hamiltonian_gains(model, plan), meshes, former.meshes, strict=True)
-        gains = [
+        changes = [
             np.zeros(mesh.intervals) if gain is None else np.where(mesh.unchanged(old), gain, 0.0)
             for gain, mesh, old in parts
         ]
-        chosen = _promising(gains, accuracy)
+        chosen = _promising(changes, accuracy)
     if chosen is None:
         return None, ""
     return tuple(mesh.halved(rows) for mesh, rows in zip(meshes, chosen, strict=True)), words
+
+
+def _cut_switches(mesh: Mesh, switches: Sequence[tuple[int, float]], rules: Rules) -> Mesh:
+    """Return the mesh with its intervals also cut at the given places."""
+    cuts, degrees, calm = [0.0], list[int](), list[bool]()
+    for k, degree in enumerate(mesh.degrees.tolist()):
+        begin, end = mesh.fractions[k : k + 2].tolist()
+        inside = {begin + 0.5 * (place + 1.0) * (end - begin) for j, place in switches if j == k}
+        places = sorted({*inside, end})
+        if min(np.diff([begin, *places])) < SHORTEST:
+            places = [end]
+        is_cut = len(places) > 1
+        low = rules.fixed_degree or max(rules.least_degree, min(degree, 5))
+        cuts += places
+        degrees += [low if is_cut else degree] * len(places)
+        calm += [bool(mesh.calm[k]) and not is_cut] * len(places)
+    return Mesh(np.array(cuts), np.array(degrees), np.array(calm))
 
 
 def _refine_linear(mesh: Mesh, report: Report, gains: Floats, limit: float) -> Mesh:
