@@ -31,16 +31,19 @@ Between = Callable[[int, float], bool]
 LONG = 1 << 29
 #: Maximum number of chains of a group, of entries of its table, and of entries of all tables.
 MOST, ENTRIES, ALL_ENTRIES = 6, 25_000_000, 45_000_000
+#: The same limits of entries for wide groups, which bound only the start and share one table.
+WIDE_ENTRIES, ALL_WIDE_ENTRIES = 110_000_000, 330_000_000
 #: Maximum number of ascent steps; minimum number with the final groups; work limit of these steps.
 FIRST, LEAST, WORK = 400, 2, 3e8
 #: Maximum number of shares times steps, with the small groups: sorting them takes about 10 s.
 SORTED = 1e8
 #: Maximum number of shares.
 MOST_SHARES = 4_000_000
-#: Initial target for the relative increase of the bound, and number of steps without progress
-#: before it
-#: is reduced, for small and for final groups; relative target at which the ascent ends.
-AIM, PATIENCE, END = (0.1, 0.02), (12, 3), 1e-4
+#: Initial target for the relative increase of the bound, and number of steps without progress before it is
+#: reduced, for small and for final groups.
+AIM, PATIENCE = (0.1, 0.02), (12, 3)
+#: Relative target at which the ascent ends. Stages before the last one of large models end earlier, with less patience.
+END, EARLY_END, HASTY = 1e-4, 2e-3, 5
 
 
 def no_shares(tables: Tables) -> Shares:
@@ -70,34 +73,51 @@ def shares_of(
     """
     rows = [tables.at[tables.place[a:b]] for a, b in pairwise(tables.first)]
     alone = np.array([np.abs(np.diff(row)).sum() for row in rows])
-    groups = _group_chains(np.diff(tables.first), alone)
+    groups = _group_chains(np.diff(tables.first), alone, ENTRIES, ALL_ENTRIES)
     parts = [part for group in groups for part in np.array_split(group, max(len(group) // 2, 1))]
     if len(parts) * tables.length.size > MOST_SHARES:
         return None
-    ascent = _Ascent(tables, parts, best, samples, flag, between)
+    stages, large = [parts, groups], between is not None
+    if large:
+        stages.append(_group_chains(np.diff(tables.first), alone, WIDE_ENTRIES, ALL_WIDE_ENTRIES))
     lengths = np.tile(tables.length / len(parts), (len(parts), 1))
-    steps = int(np.clip(SORTED / max(lengths.size, 1), LEAST, FIRST))
-    lengths = ascent.climb(lengths, steps, AIM[0], PATIENCE[0])
-    shares = ascent.shares() if ascent.best >= 0 else None
-    if len(groups) < len(parts) and not ascent.over:
-        owner = np.repeat(np.arange(len(groups)), [max(len(group) // 2, 1) for group in groups])
-        merged = np.zeros((len(groups), tables.length.size))
-        np.add.at(merged, owner, lengths)
-        former, ascent = ascent.best, _Ascent(tables, groups, best, samples, flag, between)
-        steps = int(np.clip(WORK / ascent.work, LEAST, FIRST))
-        ascent.climb(merged, steps, AIM[1], PATIENCE[1])
-        if ascent.best >= former:
-            shares = ascent.shares()
+    shares, bound, former = None, 0.0, parts
+    for stage, members in enumerate(stages):
+        if stage > 0 and len(members) == len(former):
+            continue
+        lengths, former = _regroup(lengths, former, members), members
+        ascent = _Ascent(tables, members, best, samples, flag, between, wide=stage == 2)
+        kind = min(stage, 1)
+        # After a few steps A* raises the bound faster; it does not use the wide groups.
+        steps = WORK / ascent.work if stage == 1 else SORTED / max(lengths.size, 1)
+        hasty = large and len(members) > len(stages[-1])
+        lengths = ascent.climb(
+            lengths, int(np.clip(steps, LEAST, FIRST)), AIM[kind],
+            min(PATIENCE[kind], HASTY) if hasty else PATIENCE[kind], EARLY_END if hasty else END,
+        )  # fmt: skip
+        if ascent.best >= bound and stage < 2:
+            shares, bound = ascent.shares(), ascent.best
+        if ascent.over:
+            break
     return shares
 
 
-def _group_chains(sizes: Ints, lengths: Ints) -> list[Ints]:
+def _regroup(lengths: Floats, parts: list[Ints], groups: list[Ints]) -> Floats:
+    """Return the shares of `groups`; each part divides its shares equally among its chains."""
+    owner = np.empty(sum(map(len, parts)), np.int64)
+    for i, part in enumerate(parts):
+        owner[part] = i
+    sizes = np.array(list(map(len, parts)))
+    return np.array([(lengths / sizes[:, None])[owner[group]].sum(axis=0) for group in groups])
+
+
+def _group_chains(sizes: Ints, lengths: Ints, most: float, total: float) -> list[Ints]:
     """Return groups of chains as large as the table limits allow, the longest tours together.
 
     The longest chains in one group raise the bound by 1 to 3 % over mixed groups, for 10 chains of 100 and 20 of 50.
     """
     order = np.argsort(-lengths, kind="stable").tolist()
-    limit = float(ENTRIES)
+    limit = float(most)
     while True:
         groups: list[list[int]] = [[]]
         entries = [0.0]
@@ -109,7 +129,7 @@ def _group_chains(sizes: Ints, lengths: Ints) -> list[Ints]:
                 grown = 1.0 + sizes[k]
             groups[-1].append(k)
             entries[-1] = grown
-        if sum(entries) <= ALL_ENTRIES or len(groups) == sizes.size:
+        if sum(entries) <= total or len(groups) == sizes.size:
             return [np.array(group) for group in groups]
         limit /= 2
 
@@ -119,8 +139,9 @@ class _Ascent:
 
     def __init__(
         self, tables: Tables, groups: list[Ints], best: int, samples: Ints, flag: NDArray[np.int8],
-        between: Between | None,
+        between: Between | None, wide: bool,
     ) -> None:  # fmt: skip
+        self.wide = wide
         self.tables, self.groups, self.flag, self.samples = tables, groups, flag, samples
         self.between, self.over = between, False
         self.sizes = [np.diff(tables.first)[group] for group in groups]
@@ -135,7 +156,9 @@ class _Ascent:
                 places[i, : row.size] = row
             self.places.append(places)
         self.times, self.part = max(best // LONG, 1), max(LONG // max(best, 1), 1)
-        self.rests, self.kept = (np.empty(self.ends[-1], np.int32) for _ in range(2))
+        room = int(np.diff(self.ends).max()) if wide else int(self.ends[-1])
+        self.rests = np.empty(room, np.int32)
+        self.kept = self.rests if wide else self.rests.copy()
         self.best, self.weighted = -1.0, np.zeros((len(groups), tables.at.size), np.int64)
 
     def value(self, lengths: Floats) -> tuple[float, Floats]:
@@ -145,7 +168,9 @@ class _Ascent:
         crossed = np.zeros(lengths.shape, np.int64)
         total, starts = 0, np.ascontiguousarray(self.samples[:, -1])
         for g, places in enumerate(self.places):
-            heads, rests = weighted[g][places], self.rests[self.ends[g] : self.ends[g + 1]]
+            begin = 0 if self.wide else self.ends[g]
+            heads = weighted[g][places]
+            rests = self.rests[begin : begin + self.ends[g + 1] - self.ends[g]]
             if not fill_rests(heads, self.sizes[g], rests, self.flag):
                 return -1.0, lengths
             begun = np.ascontiguousarray(self.samples[:, self.groups[g]])
@@ -157,7 +182,7 @@ class _Ascent:
             self.rests, self.kept = self.kept, self.rests
         return total / len(starts), crossed / len(starts)
 
-    def climb(self, lengths: Floats, steps: int, hope: float, patience: int) -> Floats:
+    def climb(self, lengths: Floats, steps: int, hope: float, patience: int, end: float) -> Floats:
         """Return the shares with the greatest bound found in `steps` steps from `lengths`."""
         best_lengths, aim, stale = lengths, 0.0, 0
         before = np.zeros(lengths.shape)
@@ -181,7 +206,7 @@ class _Ascent:
             slope = crossed - crossed.mean(axis=0)
             before = slope if step == 0 else 0.5 * slope + 0.5 * before
             steep = float((before**2).sum())
-            if steep == 0.0 or aim < END * self.best:
+            if steep == 0.0 or aim < end * self.best:
                 break
             way = (self.best + aim - value) / steep * (self.times / self.part)
             lengths = _project(lengths + way * before, self.tables.length)

@@ -1,11 +1,12 @@
 """Bounds of a-star: they equal their definitions, and are never too large."""
 
 import itertools
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from guided_path.enumerated import chains_tour, random_tour
+from guided_path.enumerated import best, chains_tour, random_tour
 from guided_path.searched import shortest, solve
 
 from crosstrack.models.guided_path import data
@@ -184,12 +185,13 @@ def test_shares_are_the_nearest_that_add_up():
 
 def test_many_chains_are_grouped_as_far_as_tables_may_grow():
     for sizes in ([1], [3] * 44, [21, 17, 19, 23, 21, 21, 15, 21, 19, 19], [300], [50] * 100):
-        groups = shares_module._group_chains(np.array(sizes), np.array(sizes))
+        limits = shares_module.ENTRIES, shares_module.ALL_ENTRIES
+        groups = shares_module._group_chains(np.array(sizes), np.array(sizes), *limits)
         assert sorted(np.concatenate(groups).tolist()) == list(range(len(sizes)))
         entries = [float(np.prod(np.array(sizes)[one] + 1.0)) * len(one) for one in groups]
         assert max(entries) <= shares_module.ENTRIES
         assert sum(entries) <= shares_module.ALL_ENTRIES
-    assert len(shares_module._group_chains(np.full(10, 20), np.arange(10))) == 2
+    assert len(shares_module._group_chains(np.full(10, 20), np.arange(10), *limits)) == 2
 
 
 @pytest.mark.parametrize("dense", [50_000, 0])
@@ -247,3 +249,31 @@ def test_gaps_that_no_unit_divides_are_rounded_down():
     short = np.diff(places) - lengths * unit
     assert (short >= 0).all()
     assert short.max() <= 2.0**-42 * np.ptp(places)
+
+
+@pytest.mark.parametrize(
+    "cases", [range(40), pytest.param(range(40, 1040), marks=pytest.mark.slow)], ids=["few", "many"]
+)
+def test_no_stage_of_the_ascent_exceeds_the_optimum(monkeypatch, cases):
+    for name, value in {"WIDE_ENTRIES": 300, "FIRST": 12, "HASTY": 2}.items():
+        monkeypatch.setattr(shares_module, name, value)
+    several = [0, 0]
+    for seed in cases:
+        four = seed % 8 == 0  # one group of four chains, or single chains before the wide groups
+        monkeypatch.setattr(shares_module, "ENTRIES", 400 if four else 12)
+        model = random_tour(seed, 7) if seed % 2 else chains_tour(3 + four, 2, seed)
+        tables, optimum, bounds, works = Tables.of(model), best(model), [], set()
+
+        def between(bound, work, bounds=bounds, works=works):
+            bounds.append(bound)
+            works.add(work)
+            return False
+
+        length = math.ceil(optimum / tables.unit)
+        shares_of(tables, length, start_of(tables), np.zeros(1, np.int8), between)
+        # The callback rounds the bound up to a whole number of units.
+        assert all((bound - 1) * tables.unit <= optimum * (1 + 1e-12) for bound in bounds)
+        if tables.exact:
+            assert max(bounds, default=0) <= length
+        several[four] += len(works) > 1
+    assert min(several) > 0
