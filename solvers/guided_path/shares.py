@@ -80,6 +80,7 @@ def shares_of(
     stages, large = [parts, groups], between is not None
     if large:
         stages.append(_group_chains(np.diff(tables.first), alone, WIDE_ENTRIES, ALL_WIDE_ENTRIES))
+    wide = len(stages[-1]) < len(groups)
     lengths = np.tile(tables.length / len(parts), (len(parts), 1))
     shares, bound, former = None, 0.0, parts
     for stage, members in enumerate(stages):
@@ -90,7 +91,7 @@ def shares_of(
         kind = min(stage, 1)
         # After a few steps A* raises the bound faster; it does not use the wide groups.
         steps = WORK / ascent.work if stage == 1 else SORTED / max(lengths.size, 1)
-        hasty = large and len(members) > len(stages[-1])
+        hasty = wide and stage < 2
         lengths = ascent.climb(
             lengths, int(np.clip(steps, LEAST, FIRST)), AIM[kind],
             min(PATIENCE[kind], HASTY) if hasty else PATIENCE[kind], EARLY_END if hasty else END,
