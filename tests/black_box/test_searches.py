@@ -473,7 +473,9 @@ def test_the_portfolio_divides_the_time():
 @pytest.mark.parametrize(("d", "is_fitted"), [(40, True), (41, False), (1000, False)])
 def test_the_portfolio_fits_no_quadratic_model_in_many_variables(d, is_fitted):
     """A fit takes minutes with a hundred variables."""
-    parts = [options for kind, _, options in portfolio.stages(d, 100 * d) if kind is portfolio.CmaEs]
+    parts = [
+        options for kind, _, options in portfolio.stages(d, 100 * d) if kind is portfolio.CmaEs
+    ]
     assert [options["surrogate"] for options in parts] == [is_fitted]
 
 

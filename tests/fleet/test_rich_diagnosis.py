@@ -26,9 +26,7 @@ POINTS = [[0, 0], [3, 0], [0, 4], [5, 5]]
     ],
 )  # fmt: skip
 def test_names_the_node_or_the_load(fields: dict[str, Any], text: str, where: str) -> None:
-    model = FleetRouting(
-        2, points=POINTS, objective="sum", **({"service": np.zeros(4)} | fields)
-    )
+    model = FleetRouting(2, points=POINTS, objective="sum", **({"service": np.zeros(4)} | fields))
     found = ct.diagnose(model)
     assert found.feasible is False
     assert text in found.summary
