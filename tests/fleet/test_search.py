@@ -23,7 +23,7 @@ def scattered(n: int, vehicles: int, seed: int = 0, **more) -> FleetRouting:
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow), 2])
 def test_small_fleets_get_the_best_of_all_routes(objective, seed):
     draw = np.random.default_rng(seed)
     costs = draw.integers(0, 20, (6, 6)) * 10.0 ** draw.integers(0, 3)

@@ -12,6 +12,11 @@ from crosstrack.models.fleet.features import features_of
 
 PUBLIC = Path(__file__).resolve().parents[3] / "shared" / "data" / "fleet-vrplib"
 FILES = [path for path in sorted(PUBLIC.rglob("*")) if path.suffix in (".vrp", ".txt")]
+#: Folders of which the fast tests read the first two files alone: instances of up to 1,000 customers.
+LARGE = {path.parent for path in FILES if "_10_" in path.name}
+FIRST = [
+    path for folder in sorted(LARGE) for path in [one for one in FILES if one.parent == folder][:2]
+]
 #: Options of the reader, and units of the published cost per metre, by class.
 CLASSES = {
     "CVRP": ({"rounded": True}, 1.0), "VRPB": ({"rounded": True}, 1.0), "VRPTW": ({"decimals": 1}, 1.0),
@@ -52,7 +57,17 @@ def read_solution(path):
 
 
 @pytest.mark.skipif(not FILES, reason="../shared/data/fleet-vrplib is absent")
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(
+            path,
+            id=path.name,
+            marks=[pytest.mark.slow] * (path.parent in LARGE and path not in FIRST),
+        )
+        for path in FILES
+    ],
+)
 def test_public_files_have_their_features_and_published_costs(path):
     solution = path.with_suffix(".sol")
     if not solution.exists():
