@@ -168,7 +168,7 @@ NOISE = {
 
 @pytest.mark.parametrize("name", NOISE)
 def test_linear_noise_is_hardly_ever_rejected(name):
-    """5 seeds each, of which at most one may be; 400 of more kinds in the slow test."""
+    """Check 5 seeds each, at most one of them rejected; 400 of more kinds in the slow test."""
     rejected = 0
     for seed in range(5):
         x = arma(300, NOISE[name], seed=seed)

@@ -12,7 +12,7 @@ from crosstrack.models.fleet.features import features_of
 
 PUBLIC = Path(__file__).resolve().parents[3] / "shared" / "data" / "fleet-vrplib"
 FILES = [path for path in sorted(PUBLIC.rglob("*")) if path.suffix in (".vrp", ".txt")]
-#: Folders of which the fast tests read the first two files alone: instances of up to 1,000 customers.
+#: Folders with instances of up to 1,000 customers. The fast tests read the first two files of each.
 LARGE = {path.parent for path in FILES if "_10_" in path.name}
 FIRST = [
     path for folder in sorted(LARGE) for path in [one for one in FILES if one.parent == folder][:2]
