@@ -19,7 +19,7 @@ from crosstrack.models.attractor.evidence import (
 from crosstrack.solvers.attractor import embedding, prediction, verdict
 from crosstrack.solvers.attractor.native import RunStopped, embed
 from crosstrack.solvers.attractor.prediction import choose_embeddings
-from crosstrack.solvers.attractor.surrogates import normal_scores, surrogates_of
+from crosstrack.solvers.attractor.surrogates import Ranks, normal_scores, surrogates_of
 from crosstrack.solvers.attractor.verdict import linear_error, zero_one
 
 
@@ -145,6 +145,18 @@ def test_scale_shift_and_seed_keep_the_verdict(series, wanted):
         first, answer = judgement(other)
         assert first is wanted
     assert judgement(other)[1].point.data() == answer.point.data()
+
+
+@pytest.mark.parametrize(
+    ("nonlinear", "sigmas", "wanted"),
+    [(1.01, 6.9, Judgement.NOISE), (1.01, 7.1, Judgement.CHAOTIC), (0.99, 6.9, Judgement.CHAOTIC)],
+)
+def test_a_better_linear_prediction_means_noise_unless_the_rank_is_clear(nonlinear, sigmas, wanted):
+    _, answer = judgement(henon(300))
+    plan, ranking = answer.point, Ranks(39, 0, 0.1, 0.2, sigmas, 0.0)
+    seen = replace(plan.surrogates.evidence, linear=0.1, nonlinear=0.1 * nonlinear)
+    test, _ = verdict.judge(ranking, seen, plan.exponent, 300.0)
+    assert test.judgement is wanted
 
 
 def test_full_analysis_gives_the_same_verdict():
