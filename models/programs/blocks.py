@@ -208,14 +208,9 @@ _SPARSE = {
 
 @dataclass(frozen=True)
 class Sparse(Spec):
-    """Sparse matrix in compressed rows, canonical (sorted, summed, no stored zeros).
+    """Sparse matrix in compressed rows, canonical (sorted, summed, no stored zeros)."""
 
-    Parameters
-    ----------
-    shape : tuple of str
-        Names of the two dimensions.
-    """
-
+    #: Names of the two dimensions.
     shape: tuple[str, str]
 
     def coerce(self, name: str, value: Any, sizes: dict[str, tuple[int, str]]) -> sp.csr_array:

@@ -105,10 +105,7 @@ def rational_bound(
 
 
 def simple_fractions(vector: Vector, size: int, largest: int = 1 << 20) -> list[Fraction] | None:
-    """Return the nearest fractions with denominators of at most `largest` of `size` numbers.
-
-    None if the shape differs, an entry is not finite, or the least common denominator is long.
-    """
+    """Return the nearest fractions of `size` numbers; None if their common denominator is long."""
     numbers = np.asarray(vector, float)
     if numbers.shape != (size,) or not np.isfinite(numbers).all():
         return None
@@ -139,11 +136,7 @@ def symmetric_products(matrix: sp.csr_array, values: list[Fraction]) -> list[Fra
 def proven(
     program: Program, bound: float, duals: Vector | None, plan: Vector | None
 ) -> tuple[float, str]:
-    """Return the safe bound of multipliers if it is as good as the solver's, else the latter, and its proof.
-
-    `duals` and `plan` are the row multipliers and the column vector of the same run. The proof is a value of
-    :class:`Proof`.
-    """
+    """Return the safe bound of multipliers if it is as good as the solver's, else the latter, and its proof."""
     if duals is not None and isinstance(program, MixedIntegerProgram | QuadraticProgram):
         safe = safe_bound(program, duals, plan, quick=True)
         terms = 0.0 if plan is None else float(np.abs(program.cost) @ np.abs(plan))
@@ -161,13 +154,10 @@ def proven(
 
 
 def tightened(program: MixedIntegerProgram, share: float = 1e-9) -> MixedIntegerProgram:
-    """Return the relaxation with costs moved so that its multipliers give a finite safe bound.
-
-    The cost of a column with one infinite bound is moved towards that bound by `share` of the largest coefficient
-    of the column, at least that of the costs. The reduced costs of the changed program are non-negative up to a
-    solver's tolerance; those of the original program are then larger by the same amount, and so of the required
-    sign.
-    """
+    """Return the relaxation with costs moved so that its multipliers give a finite safe bound."""
+    # The cost of a column with one infinite bound is moved towards that bound by `share` of the largest
+    # coefficient of the column. Reduced costs of the changed program are non-negative up to a solver's tolerance;
+    # those of the original program are larger by the same amount, and so of the required sign.
     low, high = np.isfinite(program.column_lower), np.isfinite(program.column_upper)
     largest = np.zeros(program.size)
     if program.matrix.nnz:
@@ -183,9 +173,7 @@ def exact_verification(
 ) -> Verification:
     """Return the checks of :meth:`.RowProgram.verify` with violations in rational arithmetic.
 
-    All numbers of the program and of the plan are taken as the rational numbers that they are in binary.
-    Violations and the objective are exact; each is rounded once, violations away from 0. A check with ``worst ==
-    0`` holds exactly.
+    Violations and the objective are rounded once, violations away from 0: ``worst == 0`` holds exactly.
     """
     check_tolerance(tolerance)
     point = program._point(plan)

@@ -122,18 +122,13 @@ def triangle(matrices: Vector) -> Vector:
 
 
 def missing(kind: ConeKind, rows: Vector) -> Vector:
-    """Return the violation of each cone in rows of shape (k, dimension); 0 inside.
-
-    The violation of a second-order cone is ``|y| - t``, and that of a semidefinite cone the negated smallest
-    eigenvalue. That of an exponential cone is the largest change of an entry to reach a point of the cone. The
-    point is the nearest that differs in one entry or belongs to the limit ``y = 0``. A change of `z` alone would
-    be misleading for large ``x / y``.
-    """
+    """Return the violation of each cone in rows of shape (k, dimension); see :meth:`.ConicProgram.verify`."""
     if kind == ConeKind.SECOND_ORDER:
         amount = np.linalg.norm(rows[:, 1:], axis=1) - rows[:, 0]
     elif kind == ConeKind.SEMIDEFINITE:
         amount = -np.linalg.eigvalsh(symmetric(rows))[:, 0]
     else:
+        # A change of z alone would be misleading for large x / y.
         amount = np.abs(_exponential(rows) - rows).max(axis=1)
     violation: Vector = np.maximum(amount, 0.0)
     return violation

@@ -413,9 +413,7 @@ class _Reader:
 def readable(function: casadi.Function) -> tuple[dict[str, Any] | str, casadi.Function]:
     """Return the stored form of `function`, and the function that reading it gives.
 
-    A function that the format does not cover is stored in CasADi's text format, which
-    :func:`~crosstrack.models.programs.trusted.read_trusted` reads. The second result is then
-    `function` itself.
+    A function that the format does not cover is stored in CasADi's text format, with `function` itself.
     """
     try:
         data = write(function)

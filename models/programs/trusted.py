@@ -23,11 +23,10 @@ SECONDS = 60.0
 
 
 def read_trusted(text: str, field: str) -> casadi.Function:
-    """Return the function in CasADi's `text`; `field` names it in messages.
+    """Return the function in CasADi's `text`, or raise ``InvalidData`` with the name of the `field`.
 
     Another process reads the text first. If :mod:`.expressions` covers the function, it is rebuilt here from that
-    form. CasADi reads the text in this process only if it does not. Raise ``InvalidData`` if the caller does not
-    trust the data, or the text cannot be read: the other process crashed, hung or failed.
+    form. CasADi reads the text in this process only if it does not.
     """
     if not TRUSTED.get():
         raise InvalidData(

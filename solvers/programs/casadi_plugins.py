@@ -25,10 +25,9 @@ _loaded: set[tuple[str, str]] = set()
 
 
 def load_plugin(backend: str, kind: str, name: str, *, brings_highs: bool = False) -> None:
-    """Load CasADi's plugin `name` of `kind` (``"conic"``, ``"nlpsol"``) for `backend`.
+    """Load CasADi's plugin `name` of `kind` (``"conic"``, ``"nlpsol"``), or raise ``BackendBroken``.
 
-    `brings_highs` is true if the plugin loads CasADi's own HiGHS library. Raise ``BackendBroken`` if the plugin
-    cannot be loaded, with CasADi's message, or another HiGHS library is loaded.
+    `brings_highs` is true if the plugin loads CasADi's own HiGHS library.
     """
     import casadi
 

@@ -50,11 +50,8 @@ _DEFAULT = {
 
 
 def found(kind: str) -> tuple[str, ...]:
-    """Return the solvers installed for CVXPY that accept programs of `kind`.
-
-    Solvers in :data:`EXCLUDED` are omitted. For conic programs, solvers must accept all cones that
-    CVXPY knows here. CVXPY is imported, which tries to import all its solvers.
-    """
+    """Return the solvers installed for CVXPY, except :data:`EXCLUDED`, that accept programs of `kind`."""
+    # The import of CVXPY tries to import all its solvers.
     from cvxpy.constraints.exponential import ExpCone
     from cvxpy.constraints.second_order import SOC
     from cvxpy.reductions.solvers import defines

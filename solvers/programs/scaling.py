@@ -94,11 +94,9 @@ class Scaling:
 
     @classmethod
     def of_objective(cls, program: Any) -> Scaling | None:
-        """Return the scaling of the objective of a conic program; None if it needs none.
-
-        Objectives have the size of their constant if the quadratic part can change them by as much. A
-        constant alone, or nearly linear columns, would hide or enlarge the part of the columns.
-        """
+        """Return the scaling of the objective of a conic program; None if it needs none."""
+        # Objectives have the size of their constant if the quadratic part can change them by as much. A
+        # constant alone, or nearly linear columns, would hide or enlarge the part of the columns.
         curvature = program.hessian.diagonal()
         curved, cost = curvature > 0, np.abs(program.cost)
         # No step of more than 1 counts: the minimum of a column of little curvature is far away.

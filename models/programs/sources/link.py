@@ -33,11 +33,7 @@ class Source:
 
 
 def named_values(values: Mapping[str, Any], *, by_size: bool = True) -> list[tuple[str, Any]]:
-    """Return pairs of name and number of the result of :meth:`.Program.values_of`.
-
-    Entries of arrays have names such as ``"x[1, 2]"``, and complex numbers are texts. If `by_size`, the largest
-    magnitudes come first; otherwise the order is that of the variables.
-    """
+    """Return names such as ``"x[1, 2]"`` and numbers of :meth:`.Program.values_of`; complex ones are texts."""
     result: list[tuple[str, Any]] = []
     for name, value in values.items():
         array = np.asarray(value.toarray() if sp.issparse(value) else value)
