@@ -156,11 +156,11 @@ def test_programs_equal_brute_force(formulation, step):
     check(drawn("simple", step), simple_answers(step, f"highs:{formulation}"))
 
 
-@pytest.mark.parametrize("step", [50, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["scip", "scipy", "ortools", "cvxpy"])
-def test_other_solvers_equal_brute_force(backend, step):
-    """All solvers receive the same programs, so this tests only their adapters."""
-    models, names = drawn("simple", step), [f"{backend}:paper", f"{backend}:arc-flow"]
+def test_other_solvers_equal_brute_force(backend):
+    """All solvers receive the same programs; tests/programs/test_mip_backends.py tests their adapters."""
+    models, names = drawn("simple"), [f"{backend}:paper", f"{backend}:arc-flow"]
     check(models, ct.compare(models, names, time_limit=60))
 
 
