@@ -11,20 +11,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 __all__ = [
-    "BOX",
-    "DELTA",
-    "EXAMPLE_1_OPTIMUM",
-    "PAPER",
-    "SETTINGS",
-    "TABLE_2",
-    "TABLE_3",
-    "TIGHT",
-    "LargeFigures",
-    "Setting",
-    "SmallFigures",
-    "Thresholds",
-    "published",
-]
+    "BOX", "DELTA", "EXAMPLE_1_OPTIMUM", "PAPER", "SETTINGS", "TABLE_2", "TABLE_3", "TIGHT",
+    "LargeFigures", "Setting", "SmallFigures", "Thresholds", "published",
+]  # fmt: skip
 
 #: The citation.
 PAPER = (

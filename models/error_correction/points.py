@@ -14,31 +14,16 @@ from ..fields import Spec, frozen, show
 from ..specs import count_rows
 
 __all__ = [
-    "END",
-    "HORIZONTAL",
-    "KIND_WORDS",
-    "START",
-    "VERTICAL",
-    "Kinds",
-    "as_kind",
-    "kind_word",
-]
+    "END", "HORIZONTAL", "KIND_WORDS", "START", "VERTICAL", "Kinds", "as_kind", "kind_word",
+]  # fmt: skip
 
 START, HORIZONTAL, VERTICAL, END = range(4)
 
 #: Word of each kind, by code.
 KIND_WORDS = ("A", "horizontal", "vertical", "B")
 
-_CODES = {
-    "A": START,
-    "B": END,
-    "horizontal": HORIZONTAL,
-    "vertical": VERTICAL,
-    "-1": START,
-    "0": HORIZONTAL,
-    "1": VERTICAL,
-    "2": END,
-}
+#: Codes by word, and by the contest's numbers from -1 for A to 2 for B.
+_CODES = {text: code for code, word in enumerate(KIND_WORDS) for text in (word, str(code - 1))}
 
 
 def kind_word(value: Any, where: str) -> str:

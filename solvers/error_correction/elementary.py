@@ -1,13 +1,9 @@
 """Routes without revisits from searches that allow them: decremental state-space relaxation.
 
-A search whose dominance ignores visited points is exact if revisits are allowed, and a relaxation
-otherwise: the best walk is no longer than the best simple route. A simple walk is optimal. Otherwise
-its repeated points become *critical*: the next search forbids visiting them twice, stores them as bits
-in the labels, and lets a label dominate another only if its visited critical points are a subset of
-the other's. This is exact for "no critical point twice", as every extension of the dominated label is
-an extension of the dominating one. So each search yields a lower bound on simple routes. The critical
-set grows with every round, so the number of rounds is finite: if all points are critical, no walk
-repeats a point. Except for contrived instances, one or two rounds suffice.
+The rounds are those of :mod:`crosstrack.solvers.resource_routing.elementary`. A label dominates another only if
+its visited critical points are a subset of the other's. This is exact for "no critical point twice", as every
+extension of the dominated label is an extension of the dominating one. Except for contrived instances, one
+or two rounds suffice.
 
 Labels with different visited critical points do not dominate each other; a chain of k binary choices
 needs 2^k of them. But a distant point no longer matters if every route that returns to it is too long.
@@ -15,9 +11,6 @@ So :func:`simple_below` searches under a ceiling that starts just above the prov
 until a route is found. Under the ceiling most points are too far away to return to, and they are
 dropped from the labels (see :mod:`.labels`). The remaining length to B is bounded by the shortest walk
 for the carried error (:mod:`.way_kernels`), so the ceiling leaves little room for returns.
-
-Source: G. Righini and M. Salani, "New dynamic programming algorithms for the resource constrained
-elementary shortest path problem", Networks 51 (2008).
 """
 
 from __future__ import annotations

@@ -18,16 +18,9 @@ from ...models.fleet import FleetRouting, Metric
 from ...models.fleet.embedding import embed
 
 __all__ = [
-    "Colonies",
-    "SwarmResult",
-    "assign_vehicles",
-    "energies",
-    "k_means",
-    "move_centres",
-    "positions",
-    "reclassify",
-    "swarm",
-]
+    "Colonies", "SwarmResult", "assign_vehicles", "energies", "k_means", "move_centres",
+    "positions", "reclassify", "swarm",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -10,16 +10,8 @@ from numpy.typing import NDArray
 from ...jit import kernel
 
 __all__ = [
-    "Fronts",
-    "Labels",
-    "dominated",
-    "fronts_of",
-    "grown",
-    "inserted",
-    "make",
-    "trace",
-    "widened",
-]
+    "Fronts", "Labels", "dominated", "fronts_of", "grown", "inserted", "make", "trace", "widened",
+]  # fmt: skip
 
 
 class Labels(NamedTuple):
