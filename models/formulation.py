@@ -223,7 +223,7 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
         return iter(())
 
     def with_fixed_times(self) -> Program | None:
-        """Return the program with all free times fixed at those of the guess; None if there are none."""
+        """Return the program with all free times fixed at those of the guess; None without free times."""
         return None
 
     @property

@@ -29,8 +29,8 @@ MARGIN = 1e-6
 #: interval at which the switching function is evaluated.
 JUMP, PLACES = 0.05, 41
 #: Distance of the place at which an interval is cut for a misplaced switch, in distances of the zero from the knot,
-#: and the largest one, in lengths of the interval. At the zero itself, a pendulum with three switches took four
-#: examinations, each of which found a third of the gain of the one before.
+#: and the largest one, in lengths of the interval. With cuts at the zeros, a pendulum with bounded torque needed
+#: four examinations. The gain of each was a third of the one before.
 BEYOND, FARTHEST = 2.0, 0.9
 
 
