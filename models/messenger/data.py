@@ -185,7 +185,8 @@ class TourData(Model[TourPlan]):
         for field in fields(self):
             used = field.metadata.get("added") and getattr(self, field.name) is not None
             if used and field.name not in carried:
-                return f"the field {field.name} of a messenger tour"
+                other = {"uavs": ": 'crew-search' does", "no_fly": ": 'detour-search' does"}
+                return f"the field {field.name} of a messenger tour{other.get(field.name, '')}"
         return ""
 
     @property

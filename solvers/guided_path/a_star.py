@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,25 +19,16 @@ from numpy.typing import NDArray
 from ...errors import UnsupportedFormulation
 from ...jit import OutOfTime, clock
 from ...models.guided_path.data import GuidedPathData
-from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
 from ...models.guided_path.walks import length_of, reduced, served
-from ..contract.backend import (
-    Answer,
-    Backend,
-    Feature,
-    Guarantee,
-    Limit,
-    Option,
-    Request,
-    Termination,
-)
+from ..contract.backend import Answer, Feature, Guarantee, Limit, Option, Request, Termination
 from . import search_kernels as kernels
 from .beam_kernels import beam
 from .bound import SAFE, Tables, needs_of
 from .chain_search import CHUNK as MERGED, ChainRounds, merged_starts
 from .dynamic_programming import DynamicProgramming
+from .insertion import LineBackend
 from .share_kernels import Shares
 from .shares import no_shares, shares_of
 from .state_kernels import least_rest
@@ -78,11 +69,10 @@ SHARE = 3
 LARGE, MANY = 60, 300
 
 
-class AStar(Backend):
+class AStar(LineBackend):
     """A* over positions and counts of the chains, with beam searches for incumbents."""
 
     name = "a-star"
-    accepts = GuidedPathTour
     guarantee = Guarantee.EXACT
     features = frozenset(
         {
@@ -90,7 +80,6 @@ class AStar(Backend):
             Feature.SEED, Feature.WARM_START,
         }
     )  # fmt: skip
-    single_threaded = True
     options: ClassVar[Mapping[str, Option]] = {
         "states": Option(
             0,
@@ -101,10 +90,6 @@ class AStar(Backend):
         )
     }
     summary = "exact, by bounds on how often each gap is crossed; ours"
-
-    def refuses(self, problem: Any) -> str:
-        """Return the optional fields of `problem` that the search does not cover."""
-        return name_unsupported(problem)
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Solve the problem and return the answer with its termination."""

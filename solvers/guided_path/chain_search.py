@@ -10,30 +10,20 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from typing import Any, ClassVar, cast
+from typing import ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
 from ...jit import Kernel, OutOfTime, clock
-from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
 from ...models.guided_path.walks import length_of, reduced, served
-from ..contract.backend import (
-    Answer,
-    Backend,
-    Feature,
-    Guarantee,
-    Limit,
-    Option,
-    Request,
-    Termination,
-)
+from ..contract.backend import Answer, Feature, Guarantee, Limit, Option, Request, Termination
 from .bound import Tables, needs_of
 from .chain_kernels import merge_again
-from .insertion import ChainLists
+from .insertion import ChainLists, LineBackend
 from .insertion_kernels import merge_by_index, merge_nearest, merge_walks, visit_nearest
 
 __all__ = ["ChainRounds", "ChainSearch", "merged_starts"]
@@ -154,24 +144,18 @@ class ChainRounds:
         return self.value
 
 
-class ChainSearch(Backend):
+class ChainSearch(LineBackend):
     """Local search with optimal merges of chains in windows of the tour."""
 
     name = "chain-search"
-    accepts = GuidedPathTour
     guarantee = Guarantee.HEURISTIC
     features = frozenset({Feature.SEED, Feature.INCUMBENTS, Feature.INTERRUPT, Feature.WARM_START})
-    single_threaded = True
     options: ClassVar[Mapping[str, Option]] = {
         "rounds": Option(
             10, "maximum number of rounds, each twice as long as the one before", int, lower=0
         )
     }
     summary = "chains of the tour are removed and merged into it again, each merge shortest; ours"
-
-    def refuses(self, problem: Any) -> str:
-        """Return the optional fields of `problem` that the search does not cover."""
-        return name_unsupported(problem)
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Improve the tours of Algorithm 6 and return the answer."""

@@ -27,17 +27,9 @@ from ...models.guided_path.extensions import name_unsupported
 from ...models.guided_path.model import GuidedPathTour
 from ...models.guided_path.plan import GuidedPathPlan
 from ...models.guided_path.walks import length_of, reduced, served
-from ..contract.backend import (
-    Answer,
-    Backend,
-    Feature,
-    Guarantee,
-    Limit,
-    Option,
-    Request,
-    Termination,
-)
+from ..contract.backend import Answer, Feature, Guarantee, Limit, Option, Request, Termination
 from .bound import SAFE, Tables, needs_of
+from .insertion import LineBackend
 
 __all__ = ["MOST_ENTRIES", "DynamicProgramming", "Table"]
 
@@ -115,15 +107,13 @@ class Table:
         return tuple(members[k] for k in order.tolist())
 
 
-class DynamicProgramming(Backend):
+class DynamicProgramming(LineBackend):
     """Exact dynamic program: Algorithm 3 of the paper."""
 
     name = "dynamic-programming"
-    accepts = GuidedPathTour
     guarantee = Guarantee.EXACT
     features = frozenset({Feature.GAP, Feature.DUAL_BOUND, Feature.INTERRUPT})
     deterministic = True
-    single_threaded = True
     summary = "the paper's Algorithm 3, over how far each chain has been served"
     options = {
         "passing": Option(
@@ -135,7 +125,7 @@ class DynamicProgramming(Backend):
 
     def refuses(self, problem: Any) -> str:
         """Return optional fields that the table does not cover, or the reason if it would be too large."""
-        if reason := name_unsupported(problem):
+        if reason := super().refuses(problem):
             return reason
         small, _ = reduced(problem)
         return _too_large(small.cover)

@@ -38,7 +38,9 @@ from ..contract.backend import (
 from .bound import needs_of
 from .insertion_kernels import merge_by_index, merge_nearest, visit_nearest
 
-__all__ = ["ChainBackend", "ChainLists", "Greedy", "InsertIndex", "InsertNearest", "ordered_chains"]
+__all__ = [
+    "ChainBackend", "ChainLists", "Greedy", "InsertIndex", "InsertNearest", "LineBackend", "ordered_chains",
+]  # fmt: skip
 
 Ints = NDArray[np.int64]
 
@@ -97,17 +99,26 @@ class ChainLists(NamedTuple):
         return order
 
 
-class ChainBackend(Backend):
+class LineBackend(Backend):
+    """Base class of the backends that cover no optional field."""
+
+    accepts = GuidedPathTour
+    single_threaded = True
+
+    def refuses(self, problem: Any) -> str:
+        """Return the optional fields of `problem` that the backend does not cover."""
+        return name_unsupported(problem)
+
+
+class ChainBackend(LineBackend):
     """Base class of the heuristics that build a tour from chains; a subclass provides the kernel.
 
     The customers omitted by Property 1 are served when they are passed (Algorithm 1).
     """
 
-    accepts = GuidedPathTour
     guarantee = Guarantee.HEURISTIC
     features = frozenset({Feature.INTERRUPT})
     deterministic = True
-    single_threaded = True
     options: ClassVar[Mapping[str, Option]] = {
         "passing": Option(
             False,
@@ -118,10 +129,6 @@ class ChainBackend(Backend):
 
     #: Kernel that fills in the order and returns whether it finished, see :func:`merge_nearest`.
     loop: ClassVar[Callable[..., bool]]
-
-    def refuses(self, problem: Any) -> str:
-        """Return the optional fields of `problem` that the heuristics do not cover."""
-        return name_unsupported(problem)
 
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Build the tour and return the answer."""
