@@ -31,9 +31,14 @@ from ..text_tables import csv_rows
 from ..units import LENGTHS, factor_of
 
 __all__ = [
-    "PointTable", "points_of_table", "read_csv", "read_points", "resolve_references", "write_csv",
+    "PointTable",
+    "points_of_table",
+    "read_csv",
+    "read_points",
+    "resolve_references",
+    "write_csv",
     "write_json",
-]  # fmt: skip
+]
 
 log = logging.getLogger("crosstrack")
 

@@ -11,9 +11,20 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 __all__ = [
-    "BOX", "DELTA", "EXAMPLE_1_OPTIMUM", "PAPER", "SETTINGS", "TABLE_2", "TABLE_3", "TIGHT",
-    "LargeFigures", "Setting", "SmallFigures", "Thresholds", "published",
-]  # fmt: skip
+    "BOX",
+    "DELTA",
+    "EXAMPLE_1_OPTIMUM",
+    "PAPER",
+    "SETTINGS",
+    "TABLE_2",
+    "TABLE_3",
+    "TIGHT",
+    "LargeFigures",
+    "Setting",
+    "SmallFigures",
+    "Thresholds",
+    "published",
+]
 
 #: The citation.
 PAPER = (

@@ -14,8 +14,15 @@ from ..fields import Spec, frozen, show
 from ..specs import count_rows
 
 __all__ = [
-    "END", "HORIZONTAL", "KIND_WORDS", "START", "VERTICAL", "Kinds", "as_kind", "kind_word",
-]  # fmt: skip
+    "END",
+    "HORIZONTAL",
+    "KIND_WORDS",
+    "START",
+    "VERTICAL",
+    "Kinds",
+    "as_kind",
+    "kind_word",
+]
 
 START, HORIZONTAL, VERTICAL, END = range(4)
 

@@ -28,9 +28,14 @@ from .model import FleetRouting
 from .plan import FleetPlan
 
 __all__ = [
-    "Cut", "CutFormulation", "Edges", "add_root_cuts", "find_isolated_sets", "find_weak_sets",
+    "Cut",
+    "CutFormulation",
+    "Edges",
+    "add_root_cuts",
+    "find_isolated_sets",
+    "find_weak_sets",
     "merge_cuts",
-]  # fmt: skip
+]
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -16,9 +16,15 @@ from .rich_data import RichData
 from .specs import Spans
 
 __all__ = [
-    "RICH_CHECKS", "cost_of", "describe_visits", "longest_stretch", "makespan_of", "missing_times",
-    "nearest_window", "rich_checks",
-]  # fmt: skip
+    "RICH_CHECKS",
+    "cost_of",
+    "describe_visits",
+    "longest_stretch",
+    "makespan_of",
+    "missing_times",
+    "nearest_window",
+    "rich_checks",
+]
 
 Floats = NDArray[np.float64]
 

@@ -18,9 +18,19 @@ from numpy.typing import NDArray
 from ...jit import kernel
 
 __all__ = [
-    "CEILING", "DIAGONAL", "DONE", "STOPPED", "STRAIGHT", "ahead", "box_around", "steps_of",
-    "sweep", "sweep_in", "trace", "trace_in",
-]  # fmt: skip
+    "CEILING",
+    "DIAGONAL",
+    "DONE",
+    "STOPPED",
+    "STRAIGHT",
+    "ahead",
+    "box_around",
+    "steps_of",
+    "sweep",
+    "sweep_in",
+    "trace",
+    "trace_in",
+]
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]

@@ -29,9 +29,14 @@ if TYPE_CHECKING:
     from .elementary import Found
 
 __all__ = [
-    "FACTORS", "DynamicProgramming", "Labelling", "Labels", "Pulse", "TwoStage",
+    "FACTORS",
+    "DynamicProgramming",
+    "Labelling",
+    "Labels",
+    "Pulse",
+    "TwoStage",
     "label_with_factors",
-]  # fmt: skip
+]
 
 #: Values of the paper's λ, tried in this order; the paper recommends the first one.
 FACTORS = tuple(k / 20 for k in range(10, 21))

@@ -17,9 +17,17 @@ from numpy.typing import NDArray
 from ...jit import kernel
 
 __all__ = [
-    "Fleet", "Routes", "Work", "assign", "copy_entry", "excess", "join", "judge", "measure",
+    "Fleet",
+    "Routes",
+    "Work",
+    "assign",
+    "copy_entry",
+    "excess",
+    "join",
+    "judge",
+    "measure",
     "workspace",
-]  # fmt: skip
+]
 
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]

@@ -18,9 +18,16 @@ from ...models.fleet import FleetRouting, Metric
 from ...models.fleet.embedding import embed
 
 __all__ = [
-    "Colonies", "SwarmResult", "assign_vehicles", "energies", "k_means", "move_centres",
-    "positions", "reclassify", "swarm",
-]  # fmt: skip
+    "Colonies",
+    "SwarmResult",
+    "assign_vehicles",
+    "energies",
+    "k_means",
+    "move_centres",
+    "positions",
+    "reclassify",
+    "swarm",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

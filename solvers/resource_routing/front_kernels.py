@@ -10,8 +10,16 @@ from numpy.typing import NDArray
 from ...jit import kernel
 
 __all__ = [
-    "Fronts", "Labels", "dominated", "fronts_of", "grown", "inserted", "make", "trace", "widened",
-]  # fmt: skip
+    "Fronts",
+    "Labels",
+    "dominated",
+    "fronts_of",
+    "grown",
+    "inserted",
+    "make",
+    "trace",
+    "widened",
+]
 
 
 class Labels(NamedTuple):
