@@ -182,7 +182,9 @@ def _other_rules(problem: Any) -> str:
 
 
 def _shortened(part: Any) -> str:
-    text = re.sub(r"Promote\(([^(),]*), \([^()]*\)\)", r"\1", " ".join(str(part).split()))
+    with np.printoptions(threshold=_LONGEST, edgeitems=2):  # longer arrays take time and are cut
+        words = str(part).split()
+    text = re.sub(r"Promote\(([^(),]*), \([^()]*\)\)", r"\1", " ".join(words))
     for name, written in _WRITTEN.items():
         text = text.replace(name, written)
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
