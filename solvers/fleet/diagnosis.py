@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import UnsupportedFormulation
 from ...models.fleet.checks import LIMITS, loads_of, measure_of
-from ...models.fleet.data import Objective
+from ...models.fleet.data import Metric, Objective
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
 from ..contract.backend import Termination
@@ -19,8 +19,15 @@ from ..run.dispatch import solve
 
 __all__ = ["diagnose_fleet"]
 
-#: Checks that a route with a single node violates in general.
-INCOMPLETE = ("each node visited once", "every vehicle used", "one node of each group")
+#: Checks that a route with a single node may violate although longer routes hold them.
+INCOMPLETE = (
+    "each node visited once", "every vehicle used", "one node of each group", "deliveries before backhauls",
+    "deviation within limit", "range within limit",
+)  # fmt: skip
+#: Checks of a visit that depend neither on lengths nor on times.
+FIXED = ("skills of the vehicle", "load within capacity")
+#: Largest number of nodes whose distances and times are searched for shorter detours, which takes 0.1 s.
+MOST_SEARCHED = 300
 #: Largest number of nodes times vehicles for routes with a single node, which take a second together.
 MOST = 2000
 
@@ -114,15 +121,40 @@ def _too_heavy(model: FleetRouting) -> Iterator[Finding]:
                 )
 
 
+def _has_detours(model: FleetRouting) -> bool:
+    """Return whether a visit of other nodes first may be nearer or sooner than the direct way."""
+    if model.releases is not None and model.reloads:
+        return True  # a vehicle may wait for the release at a reload beside the node
+    is_metric = model.costs is None and model.metric is not Metric.ROUNDED
+    ways = [
+        rows for rows in (None if is_metric else model.distances, model.times) if rows is not None
+    ]
+    return bool(ways) and (
+        model.size > MOST_SEARCHED
+        or any(
+            (rows > (rows[:, k, None] + rows[k]) * (1 + 1e-9)).any()
+            for rows in ways
+            for k in range(model.size)
+        )
+    )
+
+
 def _unserved(model: FleetRouting) -> Iterator[Finding]:
-    """Yield the nodes that no vehicle can serve on a route of their own, with a violated check."""
-    nodes = _required(model)
+    """Yield the nodes that no vehicle can serve, as a route of their own violates a check that all routes would."""
+    nodes, has_detours = _required(model), _has_detours(model)
+    unproven = (*INCOMPLETE, *(["route within battery"] if model.stations else []))
     for node in nodes if len(nodes) * model.vehicles <= MOST else ():
         broken = []
         for k in range(model.vehicles):
             routes = [[node] if k == vehicle else [] for vehicle in range(model.vehicles)]
             checks = model.verify(model.with_schedule(routes)).violated
-            broken.append([check for check in checks if check.name not in INCOMPLETE])
+            broken.append(
+                [
+                    check
+                    for check in checks
+                    if check.name in FIXED or not (has_detours or check.name in unproven)
+                ]
+            )
             if not broken[-1]:
                 break
         else:

@@ -1,12 +1,16 @@
 """Diagnosis of rich fleets without a plan: it names the node or the load."""
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
+from fleet.rich_oracle import enumerate_best
+from fleet.rich_random import random_rich
 
 import crosstrack as ct
 from crosstrack.models import FleetRouting
+from crosstrack.solvers.fleet.diagnosis import _too_heavy, _unserved
 
 POINTS = [[0, 0], [3, 0], [0, 4], [5, 5]]
 
@@ -43,3 +47,37 @@ def test_reloads_and_prizes_are_no_conflict_of_loads() -> None:
         pytest.importorskip("pyvrp", reason="PyVRP is an extra")
         model = FleetRouting(2, points=POINTS, **({"objective": "sum"} | loads | fields))
         assert ct.diagnose(model, time_limit=1.0).feasible is True
+
+
+ROUNDABOUT = np.array([[0, 1, 9, 1], [1, 0, 1, 1], [9, 1, 0, 1], [1, 1, 1, 0]], float)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"pickups": [0, 1, 0, 1], "demands": [0, 0, 1, 0], "capacity": 5, "backhauls": True},
+        {"range_limit": 5.0},
+        {"deviation_limit": 5.0},
+        {"battery": 6.5, "stations": [1]},
+        {"costs": ROUNDABOUT, "points": None, "battery": 6.0},
+        {"times": ROUNDABOUT, "windows": [None, None, (0, 3), None]},
+    ],
+    ids=lambda fields: next(reversed(fields)),
+)
+def test_a_node_that_longer_routes_serve_is_no_reason(fields: dict[str, Any]) -> None:
+    model = FleetRouting(
+        2, **({"points": POINTS, "objective": "sum", "service": np.zeros(4)} | fields)
+    )
+    assert not [*_unserved(model)]
+
+
+@pytest.mark.parametrize(
+    "seeds",
+    [range(150), pytest.param(range(150, 4000), marks=pytest.mark.slow)],
+    ids=["few", "many"],
+)
+def test_fleets_with_a_node_that_no_vehicle_serves_have_no_plan(seeds: range) -> None:
+    models = [random_rich(np.random.default_rng(seed)) for seed in seeds]
+    unserved = [model for model in models if [*_too_heavy(model), *_unserved(model)]]
+    assert len(unserved) > len(seeds) / 20
+    assert not [model for model in unserved if enumerate_best(model)[0] < math.inf]
