@@ -39,9 +39,9 @@ class PyVrpRouting(FleetHeuristic):
     For the longest route, an empty vehicle receives the node that is cheapest to move. Limits on the sum,
     the deviation and the range are checked but do not guide the search. Data of rich fleets is rounded to
     whole numbers such that every plan that PyVRP calls feasible is feasible, except that a window shorter
-    than a unit becomes that unit; a unit is at most 2^-20 of the longest arc. The times of
-    the plan are those of the model's own schedule. A stop request takes effect after the first local
-    search, which takes seconds for thousands of nodes.
+    than a unit becomes that unit, and that loads may exceed a capacity by 1e-7 of it. A unit is at most
+    2^-20 of the longest arc. The times of the plan are those of the model's own schedule. A stop request
+    takes effect after the first local search, which takes seconds for thousands of nodes.
     """
 
     name = "pyvrp"

@@ -41,11 +41,14 @@ def test_names_the_node_or_the_load(fields: dict[str, Any], text: str, where: st
 
 
 def test_reloads_and_prizes_are_no_conflict_of_loads() -> None:
-    loads = {"demands": [0, 2, 2, 2], "capacity": 2.5}
-    free = [None, 9.0, 9.0, 9.0]
-    for fields in ({"reloads": [0]}, {"prizes": free, "objective": "cost"}):
+    loads: dict[str, Any] = {"objective": "sum", "demands": [0, 2, 2, 2], "capacity": 2.5}
+    cases: list[dict[str, Any]] = [
+        {"reloads": [0]},
+        {"prizes": [None, 9.0, 9.0, 9.0], "objective": "cost"},
+    ]
+    for fields in cases:
         pytest.importorskip("pyvrp", reason="PyVRP is an extra")
-        model = FleetRouting(2, points=POINTS, **({"objective": "sum"} | loads | fields))
+        model = FleetRouting(2, points=POINTS, **(loads | fields))
         assert ct.diagnose(model, time_limit=1.0).feasible is True
 
 
