@@ -154,9 +154,8 @@ def _algebraic(model: Any, objectives: Sequence[Any]) -> RowProgram | None:
     cost[linear] = form.linear_coefs
 
     def assign(plan: Vector, duals: Vector | None, *others: Any) -> None:
-        _assign(variables, plan)
-        suffix = model.component("dual")
-        if duals is not None and isinstance(suffix, pyo.Suffix) and suffix.import_enabled():
+        suffix = _assign(model, variables, plan)
+        if duals is not None and suffix is not None:
             suffix.update(zip(rows, _slopes(duals, maximise, len(rows)), strict=True))
 
     try:
@@ -174,10 +173,17 @@ def _algebraic(model: Any, objectives: Sequence[Any]) -> RowProgram | None:
         return None
 
 
-def _assign(variables: Any, plan: Vector, *others: Any) -> None:
-    """Set the values of variables of Pyomo."""
+def _assign(model: Any, variables: Any, plan: Vector, *others: Any) -> Any:
+    """Set the values of variables of Pyomo; return its imported suffix ``dual`` without old entries, or None."""
+    import pyomo.environ as pyo
+
     for variable, value in zip(variables, plan.tolist(), strict=True):
         variable.set_value(value, skip_validation=True)
+    suffix = model.component("dual")
+    if not (isinstance(suffix, pyo.Suffix) and suffix.import_enabled()):
+        return None
+    suffix.clear()
+    return suffix
 
 
 def _slopes(duals: Vector | None, maximise: bool, count: int) -> list[float | None]:
@@ -204,7 +210,9 @@ def _nonlinear(model: Any) -> BlockProgram:
         except InvalidData as error:
             reason = str(error).replace(f"{path}: ", "")
             _refuse("expressions unknown to CasADi, such as acosh or asinh", [reason])
-    return program.with_source(Source(model, program.values_of, partial(_assign, info.variables)))
+    return program.with_source(
+        Source(model, program.values_of, partial(_assign, model, info.variables))
+    )
 
 
 @_export("linopy")

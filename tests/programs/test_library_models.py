@@ -146,6 +146,9 @@ def test_multipliers_are_derivatives_of_the_objective_of_the_author(maximise: bo
     other.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT)
     ct.solve(other, "highs").assign()
     assert [other.dual[row] for row in other.rows.values()] == pytest.approx([0, 1.5 * sign, sign])
+    other.x.domain = pyo.Integers  # a solution without multipliers leaves none of an earlier one
+    ct.solve(other, "highs").assign()
+    assert not len(other.dual)
 
 
 def test_pulp_refusals() -> None:
