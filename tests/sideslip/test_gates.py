@@ -290,6 +290,7 @@ def test_auto_is_near_the_best_in_every_scenario():
         {"mismatch": {"mass": 1.3}},
         {"road": "serpentine", "mismatch": {"cornering_front": 0.7, "cornering_rear": 0.7}},
         {"tyre": "saturating", "friction": 0.55},
+        {"missing": 0.3},
     ):
         model = generate(seed=2, **fields)
         errors = [model.verify(run(name, model).point).objective for name in NAMES]
