@@ -272,8 +272,9 @@ def misplaced_switches(
     function φ, vanishes between a knot and the next node instead, the program does not see that one of the values
     is wrong until there, and every interval is accurate all the same. Moving the switch decreases the objective
     by the integral of abs(φ), about half the product of its value at the knot and the distance. The place is
-    :data:`BEYOND` as far from the knot as the zero, because the zeros of several switches move together. Phases
-    without costates, and those with algebraic variables, have no entries.
+    :data:`BEYOND` as far from the knot as the zero, because the zeros of several switches move together. Values that
+    violate a path constraint between the knot and the zero have no entry, nor have phases without costates and
+    those with algebraic variables.
     """
     definition: Definition = getattr(problem, "definition", problem)
     with np.errstate(all="ignore"):
@@ -288,9 +289,11 @@ def _misplaced(course: Course, running: Floats) -> Iterator[tuple[int, float, fl
     if costates is None or not controls.size or algebraic_entries(course.phase.controls).size:
         return
     tau = np.linspace(-1.0, 1.0, PLACES)
+    low, high = course.phase.bounds("paths")
+    slack = MARGIN * np.maximum(course.sizes.paths, 1e-300)
 
     def advantage(interval: int, control: int, before: float, after: float) -> Floats:
-        """Return φ, the difference of H for the values after and before the knot."""
+        """Return φ, the difference of H for the values after and before the knot; NaN if a value is not allowed."""
         at = course.at(np.full(PLACES, interval), tau)
         multipliers, levels = costates.at(at.interval, at.tau), []
         for value in (before, after):
@@ -298,7 +301,10 @@ def _misplaced(course: Course, running: Floats) -> Iterator[tuple[int, float, fl
             u[:, control] = value
             values = course.values(at._replace(controls=u))
             terms = multipliers * values["rate"], running * values["integrand"]
-            levels.append(np.concatenate(terms, axis=1).sum(axis=1))
+            path = values["path"]
+            allowed = ((path >= low - slack) & (path <= high + slack)).all(axis=1)
+            level = np.concatenate(terms, axis=1).sum(axis=1)
+            levels.append(np.where(allowed & np.isfinite(level), level, np.nan))
         difference: Floats = levels[1] - levels[0]
         return difference
 
@@ -309,8 +315,9 @@ def _misplaced(course: Course, running: Floats) -> Iterator[tuple[int, float, fl
             later = advantage(k + 1, c, before[c], after[c])
             former = -advantage(k, c, before[c], after[c])[::-1]
             for interval, sign, phi in ((k + 1, 1.0, later), (k, -1.0, former)):
-                if phi[0] > 0.0 and (phi <= 0.0).any():
-                    j = int((phi <= 0.0).argmax())
+                # The first place without a positive value: a zero, unless the value there is NaN.
+                j = int((~(phi > 0.0)).argmax())
+                if j > 0 and phi[j] <= 0.0:
                     place = tau[j - 1] + (tau[j] - tau[j - 1]) * phi[j - 1] / (phi[j - 1] - phi[j])
                     share = 0.5 * float(place + 1.0)
                     gain = 0.5 * float(phi[0] * share * np.diff(controls.knots)[interval])

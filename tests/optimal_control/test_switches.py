@@ -73,6 +73,20 @@ def test_a_switch_at_its_knot_has_no_entry():
     assert all(gain < 1e-7 for *_, gain in misplaced_switches(model, answer.plan)[0])
 
 
+def test_a_value_that_a_path_constraint_forbids_has_no_entry():
+    # w alone should be 1 until 0.7, but only one of both controls may be 1, and from 0.5 u gains more.
+    ocp = OptimalControlProblem("either")
+    phase = ocp.phase(time=(0, 1))
+    x, u, w = phase.state("x", initial=0), *(phase.control(k, lower=0, upper=1) for k in "uw")
+    phase.dynamics({x: u + w})
+    phase.path(u + w, upper=1)
+    ocp.minimise(phase.integral((phase.time - 0.7) * w - 0.2 * u))
+    options = {"mesh": [0, 0.5, 1], "degree": 6, "refine": False}
+    answer = ct.solve(ocp, formulation="gauss", formulation_options=options)
+    assert answer.primal_bound == pytest.approx(-0.325, rel=1e-7)
+    assert misplaced_switches(ocp.build(), answer.plan) == ([],)
+
+
 def test_cuts_for_switches_keep_the_other_intervals():
     mesh = Mesh([0.0, 0.25, 1.0], [7, 8], [True, True])
     cut = _cut_switches(mesh, [(1, -0.5)], Rules())
