@@ -225,9 +225,9 @@ def rescue(
     """Return `answer` and its program, or those of an alternative of the formulation if it is not settled.
 
     `formulation` is the first one, with the guess of the caller; the run's own may have a drawn start by now.
-    `attend` solves one program, `solve` solves and refines the run's target, and `left` returns the seconds left (None for no limit). The
-    target and history of the run become those of the best stage. Statistics list the stages under
-    :data:`STAGES`.
+    `attend` solves one program, `solve` solves and refines the run's target, and `left` returns the seconds
+    left (None for no limit). The target and history of the run become those of the best stage. Statistics list
+    the stages under :data:`STAGES`.
     """
     settled = (
         answer.termination is Termination.LOCALLY_OPTIMAL
@@ -245,6 +245,7 @@ def rescue(
     if following is None:
         return answer, program
     stages, was_restricted, is_repeated = [best.words], False, False
+    limit = answer.limit
     for label, other in chain([following], others):
         if other.is_restricted and was_restricted:
             if is_repeated or best.grade[0] != _REJECTED:
@@ -255,20 +256,25 @@ def rescue(
             other = other.guessed(plan) or other
         was_restricted |= other.is_restricted
         seconds = left()
-        over = request.control.stopped or (seconds is not None and seconds <= 0)
-        over = over or answer.limit not in (None, Limit.ITERATIONS)
-        if best.grade[0] == _SETTLED or (was_restricted and best.is_close) or over:
+        if best.grade[0] == _SETTLED or (was_restricted and best.is_close):
+            break
+        if limit in (None, Limit.ITERATIONS) and request.control.stopped:
+            limit = request.control.reason
+        elif limit in (None, Limit.ITERATIONS) and seconds is not None and seconds <= 0:
+            limit = Limit.TIME
+        if limit not in (None, Limit.ITERATIONS):
             break
         run.target = replace(run.target, formulation=other)
         run.history, run.spent[:] = [], []
         answer, program = solve(other.program, replace(request, time_limit=seconds))
-        stage = _Stage.of(run, program, answer)
+        stage, limit = _Stage.of(run, program, answer), answer.limit
         stages.append(f"{label}: {stage.words.partition(': ')[2]}")
         if stage.is_better(best):
             best = stage
     run.target, run.history = best.target, best.history
-    limit = best.answer.limit if answer.limit in (None, Limit.ITERATIONS) else answer.limit
+    if limit in (None, Limit.ITERATIONS):
+        limit = best.answer.limit
     if len(stages) == 1:
-        return answer, best.program
+        return replace(answer, limit=limit), best.program
     statistics = {**best.answer.statistics, STAGES: "; ".join(stages)}
     return replace(best.answer, statistics=statistics, limit=limit), best.program

@@ -11,6 +11,8 @@ from crosstrack.models.optimal_control.hamiltonian import misplaced_switches
 from crosstrack.models.optimal_control.transcription.mesh import Mesh
 from crosstrack.models.optimal_control.transcription.methods import Radau
 from crosstrack.models.optimal_control.transcription.refinement import Rules, _cut_switches
+from crosstrack.solvers.contract.enums import Limit
+from crosstrack.solvers.run import rescue
 
 
 def to_rest():
@@ -104,6 +106,16 @@ def test_the_fastest_rest_of_an_oscillator_is_found_from_its_default_guess(longe
     assert answer.verified
     assert answer.primal_bound == pytest.approx(shortest_rest(), rel=1e-7)
     assert stage in answer.statistics["stages"]
+
+
+def test_a_limit_that_ends_the_search_with_fixed_times_is_reported(monkeypatch):
+    def stop(run, formulation, request, attend, left):
+        request.control.stop(Limit.TIME)
+        yield from ()
+
+    monkeypatch.setattr(rescue, "_from_fixed_times", stop)
+    answer = ct.solve(damped(50))
+    assert (answer.termination, answer.limit) == ("locally_infeasible", "time")
 
 
 def test_times_are_fixed_at_the_guess_only_if_one_is_free():
