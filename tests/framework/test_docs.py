@@ -36,6 +36,7 @@ SLOW = {
         "plot_error_correction.py",
         "plot_flight.py",
         "plot_gates.py",
+        "plot_general_case.py",
         "plot_guided_path.py",
         "plot_map_to_flight.py",
         "plot_messenger.py",
@@ -63,6 +64,7 @@ SLOW = {
         "unknown-grid.md",
     ),
     *("cluster.md", "messenger.md", "optimal-control.md", "satellite-slew.md", "sideslip.md"),
+    *("corridors.md", "export.md", "instance.md", "limits.md"),
     *(
         "model-predictive.md",
         "program-backend.md",
