@@ -85,7 +85,7 @@ CASES = {
     ("sequential_ordering", "bounded-levels"): (ordered, True),
 }
 #: Seconds for runs without a proof.
-LONG = {("guided_path", "track-search"): 3.0, ("sequential_ordering", "bounded-levels"): 3.0}
+LONG = {("guided_path", "track-search"): 0.5, ("sequential_ordering", "bounded-levels"): 3.0}
 #: The reference of unknown maps sees hidden data, so that no heuristic may begin it.
 WITHOUT = {("unknown_grid", "oracle")}
 
