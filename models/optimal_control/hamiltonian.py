@@ -273,8 +273,7 @@ def misplaced_switches(
     is wrong until there, and every interval is accurate all the same. Moving the switch decreases the objective
     by the integral of abs(φ), about half the product of its value at the knot and the distance. The place is
     :data:`BEYOND` as far from the knot as the zero, because the zeros of several switches move together. Values that
-    violate a path constraint between the knot and the zero have no entry, nor have phases without costates and
-    those with algebraic variables.
+    violate a path constraint before the zero, and phases without costates or with algebraic variables, have no entries.
     """
     definition: Definition = getattr(problem, "definition", problem)
     with np.errstate(all="ignore"):
@@ -301,9 +300,8 @@ def _misplaced(course: Course, running: Floats) -> Iterator[tuple[int, float, fl
             u[:, control] = value
             values = course.values(at._replace(controls=u))
             terms = multipliers * values["rate"], running * values["integrand"]
-            path = values["path"]
+            level, path = np.concatenate(terms, axis=1).sum(axis=1), values["path"]
             allowed = ((path >= low - slack) & (path <= high + slack)).all(axis=1)
-            level = np.concatenate(terms, axis=1).sum(axis=1)
             levels.append(np.where(allowed & np.isfinite(level), level, np.nan))
         difference: Floats = levels[1] - levels[0]
         return difference
