@@ -34,7 +34,10 @@ def place(tmp_path_factory):
     folder = tmp_path_factory.mktemp("work")
     (folder / "plan.json").write_text('{"items": [0, 2]}')
     (folder / "poor.json").write_text('{"items": [0]}')
-    shutil.copy(SOURCE / "campaign.toml", folder)
+    # Each job of a foreign backend starts a process.
+    campaign = (SOURCE / "campaign.toml").read_text()
+    few = campaign.replace("covering/*", "covering/small").replace(', "highs"', "")
+    (folder / "campaign.toml").write_text(few)
     return folder
 
 
@@ -84,10 +87,10 @@ def test_every_command_works_on_it(installed, place):
         "infeasible": ["solve", "covering/heavy"],
         "diagnose": ["diagnose", "covering/heavy", "--json"],
         "filter": ["diagnose", "covering/heavy", "--backend", "highs", "--json"],
-        "compare": ["compare", small, "--backends", f"{dynamic},highs", "--json"],
         "enumerate": ["solve", small, "--backend", "enumeration", "--json"],
         "enumerate ours": ["solve", EXAMPLE, "--backend", "enumeration"],
         "bench": ["bench", "campaign.toml", "--record", "record.jsonl", "--json"],
+        "report": ["report", "record.jsonl", "--output", "page.html"],
         "both": ["compare", small, EXAMPLE, "--backends", dynamic, "--json"],
         "reproduce": ["reproduce", "covering"],
         "check": ["check", small, "plan.json", "--formulation", "paper", "--plot", "plan.png"],
@@ -133,16 +136,10 @@ def test_every_command_works_on_it(installed, place):
     assert (place / "small.png").stat().st_size > 1000
     assert "all items together are 3 kg short" in done["diagnose"].stdout
     assert data("filter")["findings"][0]["equation"] == "2"
-    assert data("compare")["verdict"] == "AGREED"
-    names = [one["backend"] for one in data("compare")["instances"][0]["solutions"]]
-    assert names == [dynamic, "highs"]
     assert data("enumerate")["primal_bound"] == data("solve")["primal_bound"]
     assert "at most 18 columns" in done["enumerate ours"].stderr
     assert data("bench")["verdict"] == "AGREED"
-    assert data("bench")["answers"] == 6
-    shown = ["report", "record.jsonl", "--output", "page.html"]
-    (shown,) = run_all([shown], place, installed)
-    assert shown.returncode == 0, shown.stderr
+    assert data("bench")["answers"] == 2
     page = (place / "page.html").read_text()
     assert "covering/small" in page and "enumeration" in page and "<svg" in page
     both = [one["solutions"][0] for one in data("both")["instances"]]
