@@ -36,7 +36,7 @@ SLACK = 2.0
 )
 def test_an_empty_cache_does_not_stretch_the_time_limit(model, run_python, tmp_path):
     """The first model took 9.8 s of CPU at a limit of 1 s."""
-    limit = 3.0
+    limit = 2.0
     said = run_python(
         "-c", COLD, model, str(limit), cwd=tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache")
     ).splitlines()
