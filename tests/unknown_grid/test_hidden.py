@@ -26,6 +26,8 @@ from crosstrack.solvers.processes import pool
 from crosstrack.solvers.unknown_grid.native import NavigationBackend
 from crosstrack.solvers.unknown_grid.replanning import DStarLite, Replanning
 
+pytestmark = pytest.mark.usefixtures("interpreted_workers")
+
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
 ROWS, COLUMNS = 23, 29
