@@ -127,7 +127,7 @@ def test_switches_of_affine_controls(name, control, kinds, switch):
 
 
 def test_arcs_cover_the_phase_and_are_the_details_of_the_model():
-    model, plan = solved("goddard")
+    model, plan = solved("moon-lander")
     rows = model.details(plan)
     assert rows and set(rows[0]) == {"phase", "name", "kind", "start", "end", "tolerance"}
     thrust = [row for row in rows if row["name"] == "thrust"]

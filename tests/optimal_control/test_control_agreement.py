@@ -91,7 +91,9 @@ def fastest() -> ct.Solution[ControlPlan]:
     return ct.solve(ct.load(CURVE), seed=0)
 
 
-@pytest.mark.parametrize("formulation", ["radau", "hermite-simpson", "paper"])
+@pytest.mark.parametrize(
+    "formulation", ["radau", pytest.param("hermite-simpson", marks=pytest.mark.slow), "paper"]
+)
 def test_the_plan_of_one_transcription_starts_another(fastest, formulation):
     answer = ct.solve(ct.load(CURVE), formulation=formulation, warm_start=fastest.plan, seed=0)
     assert answer.termination == "locally_optimal", answer.message

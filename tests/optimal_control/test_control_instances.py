@@ -109,7 +109,7 @@ JUMPING = {
 SLOW = {"free-flying-robot", "quadrotor"}
 #: Solved in the fast tests: several controls, parameters and phases. Tests of the catalogue, of arcs, of refinement
 #: and of the clock solve further entries.
-FAST = {"brockett", "decay-fit", "goddard-phases"}
+FAST = {"decay-fit", "goddard-phases"}
 
 
 @functools.cache

@@ -129,7 +129,7 @@ def test_the_weight_of_an_integral_is_in_the_hamiltonian():
     assert hamiltonian_spread(ocp, rest_plan(costates=REST_COSTATES))[0].vanishing
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     st.lists(st.floats(-2, 2), min_size=2, max_size=6),
     st.lists(st.floats(0.05, 1.0), min_size=1, max_size=5),

@@ -199,10 +199,16 @@ def test_decoding_and_encoding_return_every_column(name):
     assert plan.parameters["w"].tolist() == point[one.layout.parameter_columns[1:]].tolist()
 
 
-@pytest.mark.parametrize("name", FORMULATIONS)
-def test_a_plan_of_another_formulation_satisfies_the_rows(name):
+@pytest.fixture(scope="module")
+def regulated():
+    """A linear regulator with its plan."""
     ocp = regulator(*LINEAR)[0]
-    plan = ct.solve(ocp, formulation="radau", seed=0).plan
+    return ocp, ct.solve(ocp, formulation="radau", seed=0).plan
+
+
+@pytest.mark.parametrize("name", FORMULATIONS)
+def test_a_plan_of_another_formulation_satisfies_the_rows(name, regulated):
+    ocp, plan = regulated
     fine = {"intervals": 8, "degree": 7}
     if name in ("hermite-simpson", "trapezoid"):
         fine = {"intervals": 200 if name == "hermite-simpson" else 2000}

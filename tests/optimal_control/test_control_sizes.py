@@ -73,7 +73,7 @@ def plain():
     return disc().formulate("gauss").sizes
 
 
-@settings(max_examples=20, deadline=None)  # declaring takes longer on a busy machine
+@settings(max_examples=10, deadline=None)  # declaring takes longer on a busy machine
 @given(st.floats(-6, 6), st.floats(-6, 6))
 def test_sizes_scale_with_the_units(plain, length, time):
     length, time = 10.0**length, 10.0**time

@@ -147,7 +147,7 @@ def _expression(tree, names):
     return _APPLY[tree[0]](*(_expression(part, names) for part in tree[1:]))
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=50, deadline=None, derandomize=True)
 @given(tree=_TREES, seed=st.integers(0, 2**16))
 def test_a_recognised_cost_is_convex_along_every_segment(tree, seed):
     def cost(x, v, u, t):

@@ -36,8 +36,15 @@ def measured(seed):
     return course(TIMES, *TRUE) + NOISE * np.random.default_rng(seed).normal(size=TIMES.size)
 
 
-@pytest.mark.parametrize("formulation", ["gauss", "hermite-simpson"])
-@pytest.mark.parametrize("start", [None, 2.0])
+@pytest.mark.parametrize(
+    ("formulation", "start"),
+    [
+        ("gauss", None),
+        ("hermite-simpson", 2.0),
+        pytest.param("gauss", 2.0, marks=pytest.mark.slow),
+        pytest.param("hermite-simpson", None, marks=pytest.mark.slow),
+    ],
+)
 def test_covariance_equals_that_of_curve_fit(formulation, start):
     y = measured(0)
     ocp, residuals = relaxation(y, start)

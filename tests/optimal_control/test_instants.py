@@ -32,7 +32,9 @@ def gate(end=1.0, *, at=None, bound=True):
     return ocp
 
 
-@pytest.mark.parametrize("formulation", ["gauss", "radau", "hermite-simpson"])
+@pytest.mark.parametrize(
+    "formulation", ["gauss", pytest.param("radau", marks=pytest.mark.slow), "hermite-simpson"]
+)
 def test_a_condition_at_an_instant_has_the_closed_form(formulation):
     best = ct.solve(gate(), formulation=formulation, seed=0)
     assert best.primal_bound == pytest.approx(GATE, rel=1e-8)

@@ -116,7 +116,7 @@ def test_data_are_declared_once_and_finite():
             (
                 everywhere,
                 {"start": [0.7, -0.4], "drag": 1.0, "limit": 0.8, "price": 0.1},
-                ("gauss", "radau", "hermite-simpson", "trapezoid"),
+                ("gauss", "hermite-simpson"),
             ),
         )
         for formulation in ("gauss", "radau", "hermite-simpson", "trapezoid")

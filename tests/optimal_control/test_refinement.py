@@ -15,7 +15,7 @@ from crosstrack.solvers.run.running import Run
 @pytest.mark.parametrize(
     ("name", "formulation", "value"),
     [
-        ("linear-regulator", "gauss", None),  # smooth
+        pytest.param("linear-regulator", "gauss", None, marks=pytest.mark.slow),  # smooth
         ("linear-regulator", "paper", None),
         ("double-integrator", "gauss", 2.0),  # bang-bang
         pytest.param("aly-chan", "gauss", 0.0, marks=pytest.mark.slow),  # a singular arc

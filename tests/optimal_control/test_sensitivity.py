@@ -53,7 +53,7 @@ def relay():
         pytest.param(everywhere, "gauss", marks=pytest.mark.slow),
         (everywhere, "hermite-simpson"),
         (bounded, "trapezoid"),
-        (bounded, "gauss"),
+        pytest.param(bounded, "gauss", marks=pytest.mark.slow),
         (relay, "gauss"),
     ],
 )

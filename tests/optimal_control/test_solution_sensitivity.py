@@ -83,7 +83,7 @@ PROBLEMS = {
 
 
 #: A bound, a free time, parameters, a nonlinear motion and scenarios.
-FAST = {"touch", "fit", "expectation"}
+FAST = {"touch", "fit"}
 
 
 @pytest.mark.parametrize(

@@ -97,7 +97,9 @@ def test_cuts_for_switches_keep_the_other_intervals():
     assert cut.calm.tolist() == [True, False, False]
 
 
-@pytest.mark.parametrize(("longest", "stage"), [(50, "from fixed times"), (20, "")])
+@pytest.mark.parametrize(
+    ("longest", "stage"), [(50, "from fixed times"), pytest.param(20, "", marks=pytest.mark.slow)]
+)
 def test_the_fastest_rest_of_an_oscillator_is_found_from_its_default_guess(longest, stage):
     # The search from the guess is infeasible, because it shortens the duration too far. A mesh with a switch
     # beside its knot had verified with an objective 8.6e-6 above the optimum.
