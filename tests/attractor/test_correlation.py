@@ -63,7 +63,7 @@ def test_counts_of_tied_values(values: list[float], columns: int, theiler: int) 
 
 
 def test_counts_are_those_of_a_tree() -> None:
-    series = np.round(henon(5000), 3)
+    series = np.round(henon(2500), 3)
     states = np.ascontiguousarray(np.stack([series[:-1], series[1:]], axis=1))
     radii = np.array([1e-3, 4e-3, 0.02, 0.1, 0.5])
     tree = cKDTree(states)

@@ -87,7 +87,9 @@ def test_the_deviation_of_the_information_is_that_of_independent_values():
         pytest.param(lambda: np.random.default_rng(4).normal(size=3000), 1, 2, id="noise"),
         # Between 0.14 s and 0.24 s; Fraser and Swinney's curve of the system has its minimum there.
         pytest.param(lambda: lorenz(5000, 0.01), 14, 24, id="lorenz"),
-        pytest.param(lambda: lorenz(4000, 0.02), 7, 12, id="lorenz, half as many"),
+        pytest.param(
+            lambda: lorenz(4000, 0.02), 7, 12, id="lorenz, half as many", marks=pytest.mark.slow
+        ),
         # A quarter of the period of 5.9 s.
         pytest.param(lambda: rossler(4000, 0.1), 12, 16, id="rossler"),
     ],

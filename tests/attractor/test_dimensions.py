@@ -73,7 +73,7 @@ def test_curves_are_those_of_plain_loops(delay):
     ("series", "low", "high"),
     [
         pytest.param(lambda: henon(1000), 2, 2, id="henon"),
-        pytest.param(lambda: henon(50000), 2, 2, id="henon, long"),
+        pytest.param(lambda: henon(20000), 2, 2, id="henon, long"),
         pytest.param(lambda: henon(60), 2, 3, id="henon, short"),
         pytest.param(lambda: logistic(500), 1, 2, id="logistic"),
         pytest.param(lambda: lorenz(4000, 0.02), 3, 4, id="lorenz"),
@@ -169,12 +169,12 @@ def test_backends_find_known_dimensions(name, series, low, high):
 
 
 def test_noise_is_told():
-    noise = np.random.default_rng(8).normal(size=3000)
+    noise = np.random.default_rng(8).normal(size=1000)
     _, answer = analysed("cao", noise)
     assert "noise" in answer.message
     _, answer = analysed("false-neighbours", noise)
     assert "no dimension" in answer.message
-    _, answer = analysed("cao", henon(3000))
+    _, answer = analysed("cao", henon(1000))
     assert not answer.message
 
 

@@ -184,7 +184,7 @@ def wild():
 
 
 #: Backends that contain the steps of the others, and series whose values overflow, underflow or are few.
-WHOLE = ("full-analysis", "surrogates", "lyapunov-spectrum")
+WHOLE = ("full-analysis", "lyapunov-spectrum")  # the full analysis includes the surrogates
 WILDEST = ("an outlier of 1e140", "underflow", "one step", "a dead sensor")
 
 

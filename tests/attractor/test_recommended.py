@@ -74,7 +74,7 @@ def test_the_default_is_near_the_best_on_known_systems():
 
 @pytest.mark.parametrize(
     ("series", "judgement"),
-    [(henon(600), Judgement.CHAOTIC), (arma(600, (1.6, -0.8), seed=2), Judgement.NOISE)],
+    [(henon(300), Judgement.CHAOTIC), (arma(300, (1.6, -0.8), seed=2), Judgement.NOISE)],
     ids=["henon", "noise"],
 )
 def test_the_default_judges_like_the_surrogates(series, judgement):

@@ -80,19 +80,19 @@ def judgement(series, name="surrogates", **options):
 
 #: Functions of the series, by motion.
 REGULAR = {
-    "sine": lambda: sine(1000),
+    "sine": lambda: sine(500),
     "slow sine": lambda: sine(1000, 0.03),
     "fast sine": lambda: sine(1000, 1.9),
-    "torus": lambda: torus(1000),
-    "van der pol": lambda: van_der_pol(1000),
+    "torus": lambda: torus(500),
+    "van der pol": lambda: van_der_pol(500),
     "period 3": lambda: np.tile([0.16, 0.5, 0.96], 100),
-    "noisy sine": lambda: sine(1000) + 0.03 * arma(1000, ()),
+    "noisy sine": lambda: sine(500) + 0.03 * arma(500, ()),
 }
 CHAOTIC = {
-    "logistic": lambda: logistic(1000),
-    "henon": lambda: henon(1000),
+    "logistic": lambda: logistic(500),
+    "henon": lambda: henon(500),
     "ikeda": lambda: ikeda(1000),
-    "lorenz": lambda: lorenz(1000, 0.05),
+    "lorenz": lambda: lorenz(600, 0.05),
     "chen": lambda: chen(3000),
     "double pendulum": lambda: double_pendulum(6000),
     "noisy henon": lambda: henon(1000) + 0.035 * arma(1000, ()),
