@@ -1,5 +1,6 @@
 """What every search of black boxes must keep, ours and those of others, and what SciPy's are."""
 
+import functools
 import math
 import time
 
@@ -63,6 +64,21 @@ def test_the_same_seed_gives_the_same_points(name):
     assert (first.points == other.points) is (Feature.SEED not in find_backend(name).features)
 
 
+@functools.cache
+def best_in_box(name, lowest, width):
+    """Return the best value of a search in a box, and its place in units of the box."""
+
+    def function(x):
+        # Rounded, so that not even the last digit is another one.
+        unit = np.round((x / width - lowest), 4)
+        return ((unit - 0.625) ** 2).sum(axis=1) + 0.1 * np.abs(np.sin(9 * unit)).sum(axis=1)
+
+    high = (lowest + 1) * width
+    model = box(many(function), *[(lowest * width, high)] * 2, budget=allowed(name, 25, 100))
+    answer, _ = search(name, model)
+    return answer.primal_bound, np.array(answer.point.x) / width - lowest
+
+
 @pytest.mark.parametrize("name", EVERY)
 @pytest.mark.parametrize(
     ("lowest", "width"), [(0.0, 2.0**30), (-3.0, 2.0**-30), (2.0**20, 2.0**10)]
@@ -70,19 +86,8 @@ def test_the_same_seed_gives_the_same_points(name):
 def test_the_place_and_the_size_of_the_box_change_nothing(name, lowest, width):
     """Also an optimum at the origin is found no sooner than another."""
 
-    def sought(lowest, width):
-        def function(x):
-            # Rounded, so that not even the last digit is another one.
-            unit = np.round((x / width - lowest), 4)
-            return ((unit - 0.625) ** 2).sum(axis=1) + 0.1 * np.abs(np.sin(9 * unit)).sum(axis=1)
-
-        high = (lowest + 1) * width
-        model = box(many(function), *[(lowest * width, high)] * 2, budget=allowed(name, 25, 100))
-        answer, _ = search(name, model)
-        return answer.primal_bound, np.array(answer.point.x) / width - lowest
-
-    value, place = sought(lowest, width)
-    wanted, at = sought(-0.625, 1.0)  # the optimum at the origin
+    value, place = best_in_box(name, lowest, width)
+    wanted, at = best_in_box(name, -0.625, 1.0)  # the optimum at the origin
     assert value == wanted
     np.testing.assert_allclose(place, at, atol=1e-4)
 
@@ -123,9 +128,15 @@ def test_no_value_anywhere(name):
         pytest.param(lambda x: -float(x[0] > 0.7), [(0, 1)], -1.0, id="a step down"),
         pytest.param(lambda x: 10.0 ** (600 * x[0] - 300), [(0, 1)] * 2, 1e-200, id="600 decades"),
         pytest.param(lambda x: 1.7e308 * np.sign(x[0] - 0.3), [(0, 1)] * 2, 0, id="both signs"),
-        pytest.param("sphere", [(-0.4, 0.7)], 1e-3, id="one variable"),
+        pytest.param("sphere", [(-0.4, 0.7)], 1e-3, id="one variable", marks=pytest.mark.slow),
         pytest.param(lambda x: x.sum(), [(0, 1)] * 2, 0.4, id="optimum in a corner"),
-        pytest.param(lambda x: -x.sum(), [(0, 1)] * 2, -1.6, id="in the opposite corner"),
+        pytest.param(
+            lambda x: -x.sum(),
+            [(0, 1)] * 2,
+            -1.6,
+            id="in the opposite corner",
+            marks=pytest.mark.slow,
+        ),
         pytest.param({"name": "sphere", "deviation": 0.1}, [(-2, 1)] * 2, 0.2, id="noisy"),
     ],
 )
