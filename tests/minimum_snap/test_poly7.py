@@ -25,7 +25,7 @@ tables = st.integers(1, 5).flatmap(
 
 
 @given(tables)
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_poly7_files_are_exact(tmp_path_factory, table):
     """All digits: every number. 4 bytes: the numbers of the firmware, and a stable text."""
     path = tmp_path_factory.mktemp("poly7") / "p.csv"
@@ -46,7 +46,7 @@ def test_poly7_files_are_exact(tmp_path_factory, table):
     st.integers(0, 10**6),
     st.sampled_from(["float32", "float64"]),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_poly7_round_trip_is_within_the_report(
     tmp_path_factory, segments, dimensions, seed, precision
 ):

@@ -80,7 +80,7 @@ PRECISE = {"gradient": 1e-10}
 
 
 @given(weight=weights, seed=seeds, order=st.sampled_from([2, 3, 4]), factor=st.floats(0.2, 5))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_times_grow_as_a_root_of_the_price(weight, seed, order, factor):
     model = TimeAllocation(walk(5, 2, seed), weight, order=order)
     here = ct.solve(model, backend_options=PRECISE)

@@ -28,7 +28,7 @@ def covering(model):
     return names
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck))
 @given(model=models())
 def test_every_program_agrees_with_brute_force(model):
     plan = optimum_of(model)
@@ -49,7 +49,7 @@ def test_every_program_agrees_with_brute_force(model):
         assert solved_densely(program) == pytest.approx(best, rel=1e-7, abs=1e-8 * size**2), name
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
 @given(model=models(), seed=st.integers(0, 999))
 def test_blocks_cover_the_rows_and_name_places(model, seed):
     for name in covering(model):
