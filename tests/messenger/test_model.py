@@ -264,7 +264,7 @@ def test_answers_scale(seed, scale, off):
     st.lists(st.tuples(st.sampled_from("LSR"), st.floats(0, 30)), min_size=1, max_size=12),
     st.floats(-10, 10), st.sampled_from([0.5, 5.0, 1e6]),
 )  # fmt: skip
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_poses_follow_the_curvature(pieces, heading, radius):
     plan = TourPlan(
         (), [], np.zeros((0, 2)), [3.0, -2.0, heading],
