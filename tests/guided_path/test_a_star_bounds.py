@@ -139,7 +139,15 @@ def test_shares_are_consistent_with_the_distance_walked(monkeypatch, seed):
         assert rest <= home * (1 + 1e-12)
 
 
-@pytest.mark.parametrize(("chains", "seed"), [(8, 1), (8, 2), (12, 3), (12, 4)])
+@pytest.mark.parametrize(
+    ("chains", "seed"),
+    [
+        (8, 1),
+        pytest.param(8, 2, marks=pytest.mark.slow),
+        (12, 3),
+        pytest.param(12, 4, marks=pytest.mark.slow),
+    ],
+)
 def test_shares_are_better_than_gaps(chains, seed):
     model = chains_tour(chains, 8, seed)
     tables = Tables.of(model)

@@ -56,9 +56,15 @@ def rests_of(model):
 
 
 @pytest.mark.parametrize("groups", [2048, 2])
-@pytest.mark.parametrize("seeds", np.split(np.arange(500), 5), ids=lambda some: f"{some[0]}")
+@pytest.mark.parametrize(
+    "seeds",
+    [
+        pytest.param(part, id=f"{part[0]}", marks=[pytest.mark.slow] if part[0] >= 200 else [])
+        for part in np.split(np.arange(500), 5)
+    ],
+)
 def test_the_updated_bound_is_below_every_rest(monkeypatch, seeds, groups):
-    """1,000 tours: after each step, the update equals the bound of the state, which is at most the rest."""
+    """1,000 tours, 400 of them in the fast tests: after each step, the update equals the bound of the state, which is at most the rest."""
     monkeypatch.setattr(bound, "MOST_GROUPS", groups)
     for seed in seeds.tolist():
         model = random_tour([seed, 38], most=7)

@@ -297,7 +297,7 @@ def test_models_without_relevant_customers_have_a_program(name):
 
 
 @given(model=tours(most=5))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_any_tour_has_a_program(model):
     """Ratios of 1e15, thirds and places far away: the best order is a point of both programs."""
     orders = extensions(model)

@@ -66,7 +66,7 @@ def test_a_file_of_tsplib_is_a_tour(tmp_path):
     assert (free.chains, free.pairs) == ((), ())
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(model=tours(7))
 def test_tours_travel_through_files(model, tmp_path_factory):
     path = tmp_path_factory.mktemp("sop") / "tour.sop"
