@@ -53,7 +53,7 @@ def holds(model, solution, best):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_all_equal_scipy_on_small_maps(seed):
     model = small(seed)
     best = optimum(model)

@@ -215,7 +215,7 @@ def test_a_wrong_search_is_rejected(monkeypatch):
 
 @given(st.integers(0, 2**32 - 1))
 @settings(
-    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_the_fast_check_equals_the_check_of_the_model(seed):
     """Random walks, some of them valid, with points moved and steps changed."""

@@ -86,7 +86,7 @@ def keep_valid(polygons):
     return kept
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=50)
 @given(obstacles(), st.sampled_from([0.0, 1e-3, 0.5, 1.0, math.sqrt(2), 5.0]), places, places)
 @example([box(2, 2, 4, 4), box(4, 4, 6, 6), box(4, 2, 6, 3), box(2.5, 2.5, 3, 3)], 0.0, 0.0, 0.0)
 @example([box(2, 2, 4, 4), box(7, 2, 9, 4)], 1.0, 0.0, 0.0)
@@ -103,7 +103,7 @@ def test_cells_are_blocked_exactly_where_brute_force_says(polygons, radius, x, y
     assert np.array_equal(grid.blocked, brute_force(grid, polygons, radius))
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(
     obstacles(), st.floats(0.05, 4), st.floats(0, 3), st.floats(0.5, 12), st.floats(0.5, 12),
     st.integers(0, 99),
