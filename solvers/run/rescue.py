@@ -224,10 +224,10 @@ def rescue(
 ) -> tuple[Answer, Any]:
     """Return `answer` and its program, or those of an alternative of the formulation if it is not settled.
 
-    `formulation` is the first one, with the guess of the caller; the run's own may have a drawn start by now.
-    `attend` solves one program, `solve` solves and refines the run's target, and `left` returns the seconds
-    left (None for no limit). The target and history of the run become those of the best stage. Statistics list
-    the stages under :data:`STAGES`.
+    `formulation` is the first one, with the guess of the caller; the run's own may have a drawn start by
+    now. `attend` solves one program, `solve` solves and refines the run's target, and `left` returns the
+    seconds left (None for no limit). The target and history of the run become those of the best stage.
+    Statistics list the stages under :data:`STAGES`.
     """
     settled = (
         answer.termination is Termination.LOCALLY_OPTIMAL
