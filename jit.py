@@ -50,6 +50,7 @@ __all__ = [
     "end_interpretation",
     "interpreting",
     "kernel",
+    "renew_budget",
     "watched",
     "within",
 ]
@@ -59,6 +60,9 @@ MOST_LABELS = 50_000_000
 #: Interpretation time of a process, in seconds of CPU. It equals the time to import Numba and load compiled
 #: code, so a run takes at most about twice the time of the better choice, on a busy machine, too.
 BUDGET = 0.5
+#: Jobs of a process that begin with the whole budget, so that the order of short jobs does not matter. Many
+#: jobs would waste more time than compiling takes.
+RENEWALS = 8
 #: Further interpretation time, in seconds of CPU, of kernels that the background process compiles meanwhile.
 AHEAD = 0.75
 #: Measured compile time in seconds per instruction of a kernel and of the kernels it calls.
@@ -80,7 +84,7 @@ _GRACE = 0.2
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_left, _ahead = BUDGET, AHEAD
+_left, _ahead, _renewals = BUDGET, AHEAD, RENEWALS
 #: Held while Numba works, because its registries are not safe for threads.
 _compiling = threading.RLock()
 #: Held while Numba is imported: two threads that import it at once can leave LLVM's lock held forever.
@@ -442,6 +446,13 @@ def compile_always() -> None:
     """Compile every kernel at its first call from now on, for measurements and tests."""
     global _left, _ahead
     _left = _ahead = 0.0
+
+
+def renew_budget() -> None:
+    """Give the next job of this process the whole budget, unless Numba is loaded or too many jobs had it."""
+    global _left, _renewals
+    if _renewals > 0 and _ahead > 0.0 and "numba" not in sys.modules:
+        _left, _renewals = BUDGET, _renewals - 1
 
 
 def end_interpretation(thread: int) -> None:

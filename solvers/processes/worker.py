@@ -32,6 +32,7 @@ import traceback
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
+from ...jit import renew_budget
 from .output import by_lines, flush_native, shown
 
 __all__ = ["main"]
@@ -194,6 +195,7 @@ def _serve() -> None:
     send({"event": "ready"})
     while True:
         number, path, body = jobs.get()
+        renew_budget()
         try:
             sys.path[:] = list(dict.fromkeys([*path, *sys.path]))
             verb, payload = pickle.loads(body)

@@ -51,6 +51,26 @@ def budget(monkeypatch):
     return left
 
 
+@pytest.mark.parametrize(
+    ("ahead", "renewals", "loaded", "left"),
+    [
+        (0.75, 2, False, jit.BUDGET),
+        (0.75, 0, False, 0.1),
+        (0.0, 2, False, 0.1),
+        (0.75, 2, True, 0.1),
+    ],
+)
+def test_a_few_jobs_begin_with_the_whole_budget(monkeypatch, ahead, renewals, loaded, left):
+    for name, value in (("_left", 0.1), ("_ahead", ahead), ("_renewals", renewals)):
+        monkeypatch.setattr(jit, name, value)
+    if loaded:
+        monkeypatch.setitem(sys.modules, "numba", sys)
+    else:
+        monkeypatch.delitem(sys.modules, "numba", raising=False)
+    jit.renew_budget()
+    assert jit._left == left
+
+
 def interpreted(backend, model):
     """Return the answer of `backend` with interpreted kernels, even if they are compiled."""
     jit._here.deadline = math.inf
