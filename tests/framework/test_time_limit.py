@@ -233,7 +233,7 @@ def test_compiled_code_is_loaded_at_a_short_limit_however_many_kernels_it_calls(
                 anneal._require_time(())
 
 
-def test_a_warm_tour_within_a_second_has_a_bound(run_python, tmp_path):
+def test_a_warm_tour_within_a_short_limit_has_a_bound(run_python, tmp_path):
     code = (
         "import sys, crosstrack as ct\n"
         "limit = float(sys.argv[1]) or None\n"
@@ -241,7 +241,8 @@ def test_a_warm_tour_within_a_second_has_a_bound(run_python, tmp_path):
         "found = ct.solve(tour, time_limit=limit, seed=1)\n"
         "print(found.dual_bound, 'interpreted' in found.message)\n"
     )
-    for limit in ("0", "1.5"):  # the first run fills the cache
+    # The first run fills the cache. Compiling takes more than the limit, and a busy machine less to load the code.
+    for limit in ("0", "5"):
         bound, interpreted = run_python("-c", code, limit, cwd=tmp_path).split()
     assert float(bound) > 100.0
     assert interpreted == "False"
