@@ -14,12 +14,15 @@ from crosstrack.solvers.run import dispatch
 COLD = """
 import sys, time
 import crosstrack as ct
+from crosstrack import compilation
 model = eval(sys.argv[1])
 begin, cpu = time.perf_counter(), time.process_time()
 answer = ct.solve(model, time_limit=float(sys.argv[2]))
 print(time.perf_counter() - begin, time.process_time() - cpu)
 print(answer.plan is not None)
 print(answer.statistics.get("backends tried", ""), answer.message)
+if compilation.is_running():
+    compilation._process.kill()  # it would compile for a minute beside the next tests
 """
 #: Seconds beyond the limit: imports, verification and the last loop, on a machine with other work.
 SLACK = 2.0
