@@ -35,7 +35,7 @@ SLACK = 1e-6
 #: tolerance, so its objective gains the violations times their multipliers (up to 8e-6).
 UNFINISHED = 1e-4
 #: Seconds that a solver may need after its time limit or a stop request, on a busy machine.
-GRACE = 3.0
+GRACE = 10.0
 
 #: Largest reduced cost of a local optimum, relative to the gradient of the objective.
 STATIONARY = 1e-3

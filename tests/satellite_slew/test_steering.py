@@ -160,6 +160,7 @@ def test_a_stopped_search_returns_its_best_flight():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ClosedLoop, "fly", fly)
+        patch.setattr(eigenaxis, "EXTRA", 1000.0)  # for a busy machine
         answer = law.run(SatelliteSlew(), request)
     assert answer.termination == "feasible" and answer.limit == "time"
     assert answer.statistics["flights"] < 28

@@ -93,17 +93,28 @@ def test_the_gate_forgets_old_samples():
     assert len(pickle.dumps(estimator)) < 2e6
 
 
+def short_loop():
+    """Take about 12 microseconds on the machine of the page's tables."""
+    x = 0.0
+    for _ in range(400):
+        x = 0.5 * x + 1.0
+
+
 @pytest.mark.parametrize("backend", ["kalman-filter", "unscented-filter"])
-def test_an_update_takes_less_than_20_microseconds(backend):
+def test_an_update_takes_less_than_twenty_microseconds(backend):
+    """A ratio, because a busy machine doubles both times."""
     estimator = ct.prepare(MODELS[2], backend)
     rows = np.array(samples(MODELS[2]))
-    seconds = []
+    updates, loops = [], []
     for k in range(10):
         for row in np.add(rows, [8.0 * k, 0, 0, 0, 0]).tolist():
             begin = time.thread_time_ns()
             estimator.update(row)
-            seconds.append(1e-9 * (time.thread_time_ns() - begin))
-    assert np.median(seconds) < 20e-6
+            middle = time.thread_time_ns()
+            short_loop()
+            updates.append(middle - begin)
+            loops.append(time.thread_time_ns() - middle)
+    assert np.median(updates) < 20.0 / 12.0 * np.median(loops)
 
 
 def test_a_missing_sensor_leaves_the_other():
