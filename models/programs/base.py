@@ -25,7 +25,7 @@ from .sources.link import Source, named_values
 if TYPE_CHECKING:
     import cvxpy
 
-__all__ = ["BlockProgram", "Program", "RowProgram", "row_sizes"]
+__all__ = ["BlockProgram", "Program", "RowProgram", "row_maxima", "row_sizes"]
 
 Vector = NDArray[np.float64]
 
@@ -464,16 +464,20 @@ class RowProgram(BlockProgram):
 def row_sizes(matrix: sp.csr_array, point: Vector, columns: Vector) -> Vector:
     """Return the largest term of each row, at least that of columns of size `columns`, capped at 1."""
     sizes = abs(matrix)
-    smallest = _largest(sizes if (columns == 1.0).all() else sizes @ sp.diags_array(columns))
+    smallest = row_maxima(sizes if (columns == 1.0).all() else sizes @ sp.diags_array(columns))
     smallest = np.where(smallest > 0, np.minimum(smallest, 1.0), 1.0)
     sizes.data *= np.abs(point)[sizes.indices]  # the terms
-    return np.maximum(_largest(sizes), smallest)
+    return np.maximum(row_maxima(sizes), smallest)
 
 
-def _largest(terms: sp.csr_array) -> Vector:
-    """Return the largest entry of each row; 0 for empty rows."""
-    count = terms.shape[0]
-    return terms.max(axis=1).toarray().ravel() if count and terms.nnz else np.zeros(count)
+def row_maxima(matrix: sp.csr_array) -> Vector:
+    """Return the largest magnitude of the entries of each row; 0 for empty rows."""
+    # SciPy's own maximum takes 0.5 ms for any size.
+    result = np.zeros(matrix.shape[0])
+    filled = np.flatnonzero(np.diff(matrix.indptr))
+    if filled.size:
+        result[filled] = np.maximum.reduceat(np.abs(matrix.data), matrix.indptr[filled])
+    return result
 
 
 def _name(what: str, blocks: Sequence[Block], entry: int) -> str:

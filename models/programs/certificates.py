@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..verification import TOLERANCE, Verification, check_tolerance
-from .base import Program, row_sizes
+from .base import Program, row_maxima, row_sizes
 from .conic import ConicProgram
 from .linear import MixedIntegerProgram, QuadraticProgram
 from .safe_bounds import safe_bound
@@ -159,9 +159,7 @@ def tightened(program: MixedIntegerProgram, share: float = 1e-9) -> MixedInteger
     # coefficient of the column. Reduced costs of the changed program are non-negative up to a solver's tolerance;
     # those of the original program are larger by the same amount, and so of the required sign.
     low, high = np.isfinite(program.column_lower), np.isfinite(program.column_upper)
-    largest = np.zeros(program.size)
-    if program.matrix.nnz:
-        largest = abs(program.matrix).max(axis=0).toarray().ravel()
+    largest = row_maxima(sp.csr_array(program.matrix.T))
     size = share * np.maximum(np.maximum(np.abs(program.cost), largest), 1.0)
     moved = np.where(low & ~high, -size, np.where(high & ~low, size, 0.0))
     return replace(program.relaxed(), cost=program.cost + moved)

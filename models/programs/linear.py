@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import Array, Optional, Real, declared
-from .base import BlockProgram, Program, RowProgram
+from .base import BlockProgram, Program, RowProgram, row_maxima
 from .blocks import Block, Blocks, Sparse
 from .curvature import CURVATURE, LARGEST_DENSE, least_curvature
 from .nonlinear import NonlinearProgram
@@ -87,8 +87,10 @@ class MixedIntegerProgram(RowProgram):
 
     def lower(self) -> QuadraticProgram | None:
         """Return a linear program as a quadratic one, for solvers of those; None if a column is integral."""
-        if not self.continuous:
-            return None
+        return self._quadratic if self.continuous else None
+
+    @cached_property
+    def _quadratic(self) -> QuadraticProgram:
         return QuadraticProgram(hessian=sp.csr_array((self.size, self.size)), **self.shared())
 
     def dual_bound(self, duals: Vector, point: Vector | None = None) -> float:
@@ -193,7 +195,7 @@ class QuadraticProgram(RowProgram):
             )
         diagonal = self.hessian.diagonal()
         # 2 x 2 minors with a zero: a negative diagonal entry, or a zero in a nonzero row.
-        reach = abs(self.hessian).max(axis=1).toarray().ravel() if self.hessian.nnz else diagonal
+        reach = row_maxima(self.hessian)
         for k in np.flatnonzero((diagonal < 0) | ((diagonal == 0) & (reach > 0))):
             raise InvalidData(
                 f"hessian[{k}, {k}] is {diagonal[k]:g}, which no positive semidefinite matrix with that row has",

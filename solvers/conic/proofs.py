@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...models.programs.base import row_maxima
 from ...models.programs.cones import ConeBlock, ConeKind, inside, order, triangle
 from ...models.programs.conic import ConicProgram
 from ...models.programs.linear import QuadraticProgram
@@ -73,7 +74,7 @@ def _contradicts(program: ConicProgram, ray: Vector, center: Vector | None) -> b
     bound = np.where(y != 0, bound, 0.0)
     demanded = y * bound
     # Bounds in units of the columns: divided by the largest coefficient of the row, or of its cone.
-    largest = abs(flat.matrix).max(axis=1).toarray().ravel() if flat.matrix.nnz else 0.0 * y
+    largest = row_maxima(flat.matrix)
     for block in program.cones:
         part = slice(program.row_count + block.start, program.row_count + block.start + block.size)
         largest[part] = np.repeat(block.of(largest[program.row_count :]).max(1), block.dimension)
@@ -88,7 +89,7 @@ def recedes(program: ConicProgram, direction: Vector) -> bool:
     d = unit(direction)
     parts = [program.hessian, program.matrix, sp.eye_array(program.size), program.cone_matrix]
     stack = sp.vstack(parts, format="csr")
-    largest = _shared(program, abs(stack).max(axis=1).toarray().ravel())
+    largest = _shared(program, row_maxima(stack))
     stack = sp.diags_array(1.0 / np.where(largest >= 1e-300, largest, 1.0)) @ stack
     noise = _shared(program, CANCELLED * abs(stack).sum(axis=1))
     for _ in range(ROUNDS):

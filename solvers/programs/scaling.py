@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...models.programs.base import row_maxima
 from ...models.programs.blocks import Block
 from ...models.programs.linear import MixedIntegerProgram, QuadraticProgram
 from ...models.verification import ROUNDING
@@ -50,7 +51,7 @@ class Scaling:
         constants = bounds
         if integral.any() and entries.nnz:
             whole = entries @ sp.diags_array(integral.astype(float))
-            constants = np.maximum(bounds, whole.max(axis=1).toarray().ravel())
+            constants = np.maximum(bounds, row_maxima(whole))
         # Bounds that are only rounding errors of 0 have no magnitude.
         constants[constants <= ROUNDING * constants.max(initial=0.0)] = 0.0
         row = np.repeat(np.arange(program.row_count), np.diff(entries.indptr))
@@ -66,7 +67,7 @@ class Scaling:
                 columns[block.slice] = common(float(np.median(magnitudes[here])))
         plain = (columns == 1.0).all()
         sized = entries if plain else entries @ sp.diags_array(columns)
-        largest = sized.max(axis=1).toarray().ravel() if sized.nnz else np.zeros(program.row_count)
+        largest = row_maxima(sized)
         rows = _by_block(program._rows, 1.0 / np.where(largest > 0, largest, 1.0), largest > 0)
         costs = np.abs(program.cost) * columns
         hessian = getattr(program, "hessian", None)

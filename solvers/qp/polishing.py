@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...models.programs.base import row_maxima
 from ...models.programs.linear import QuadraticProgram
 from .quality import Quality, measured
 
@@ -100,9 +101,7 @@ class _Stack:
 def _units(program: QuadraticProgram, at: Quality) -> tuple[Vector, float]:
     """Return the largest coefficient of each row, 1 for each column, and the size of the point."""
     unit = np.ones(program.row_count + program.size)
-    if program.row_count:
-        largest = abs(program.matrix).max(axis=1).toarray().ravel()
-        unit[: program.row_count] = np.maximum(largest, 1e-300)
+    unit[: program.row_count] = np.maximum(row_maxima(program.matrix), 1e-300)
     return unit, max(1.0, float(np.abs(at.point).max(initial=0.0)))
 
 
@@ -214,10 +213,10 @@ def _solve(program: QuadraticProgram, signs: Signs, start: Quality) -> tuple[Vec
 
 def _equilibrated(system: sp.csc_array) -> Vector:
     """Return the symmetric scaling of rows and columns that makes their largest entries about 1."""
-    magnitude = abs(sp.csr_array(system))
-    scale: Vector = np.ones(system.shape[0])
+    scaled, scale = sp.csr_array(system), np.ones(system.shape[0])
+    magnitude, row = np.abs(scaled.data), np.repeat(np.arange(scale.size), np.diff(scaled.indptr))
     for _ in range(6):
-        scaled = magnitude.multiply(scale[:, None]).multiply(scale[None, :])
-        largest = sp.csr_array(scaled).max(axis=1).toarray().ravel()
+        scaled.data = magnitude * scale[row] * scale[scaled.indices]
+        largest = row_maxima(scaled)
         scale /= np.sqrt(np.where(largest > 0, largest, 1.0))
     return scale

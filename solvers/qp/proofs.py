@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...models.programs.base import row_maxima
 from ...models.programs.linear import QuadraticProgram
 
 __all__ = [
@@ -192,8 +193,7 @@ def phase_one(
     equality rows are then those of the program's rows.
     """
     rows, size = program.row_count, program.size
-    filled = program.matrix.nnz > 0
-    largest = abs(program.matrix).max(axis=1).toarray().ravel() if filled else np.zeros(rows)
+    largest = row_maxima(program.matrix)
     scale = 1.0 / np.where(largest > 0, largest, 1.0)
     scaled = sp.csr_array(sp.diags_array(scale) @ program.matrix) if rows else program.matrix
     unit = sp.eye_array(rows, format="csr")
@@ -218,9 +218,7 @@ def steepest(program: QuadraticProgram, seconds: float | None) -> Vector | None:
     """Return the direction without curvature, within a box, in which the objective decreases fastest."""
     curved = np.flatnonzero(np.diff(program.hessian.indptr))
     stacked = sp.vstack([program.hessian[curved], program.matrix], format="csr")
-    largest = (
-        abs(stacked).max(axis=1).toarray().ravel() if stacked.nnz else np.zeros(stacked.shape[0])
-    )
+    largest = row_maxima(stacked)
     scaled = sp.diags_array(1.0 / np.where(largest > 0, largest, 1.0)) @ stacked
     total, size = stacked.shape[0], program.size
     nothing = np.zeros(curved.size)

@@ -16,6 +16,8 @@ DATA = ROOT.parent / "shared" / "data" / "programs"
 REFERENCES = json.loads(Path(__file__).with_name("public_objectives.json").read_text("utf-8"))
 #: Relative difference up to which objectives are equal.
 EQUAL = 1e-6
+#: Solvers with dense matrices, which are slow on most of these programs and therefore tried last.
+DENSE = ("daqp", "quadprog")
 
 
 def path_of(name):
@@ -45,9 +47,10 @@ def test_two_solvers_return_the_recorded_objective(name):
     program = ct.load(path_of(name))
     if not entry["solvers"]:
         pytest.skip(entry["note"])
-    size = max(1.0, abs(entry["value"] or 0.0))
+    size = max(1.0, abs(entry.get("value", 0.0)))
     equal: dict[str, str] = {}
-    for solver, accuracy in itertools.product(entry["solvers"], (1e-9, 1e-6)):
+    order = sorted(entry["solvers"], key=DENSE.__contains__)
+    for solver, accuracy in itertools.product(order, (1e-9, 1e-6)):
         if solver in equal or len(equal) == 2 or (solver, accuracy) == ("scipy", 1e-9):
             continue  # the tolerance of SciPy is fixed
         limits = {"time_limit": 120, "tolerance": accuracy, "gap": 1e-9, "isolate": True}
