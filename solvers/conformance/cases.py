@@ -321,15 +321,7 @@ def optimum(
     point: tuple[float, ...] | None = None,
     duals: tuple[float, ...] | None = None,
 ) -> Expectation:
-    """Return the expectation of a known optimum that must be proven.
-
-    Parameters
-    ----------
-    objective : float
-        Optimal objective.
-    point, duals : tuple of float, optional
-        Optimal point and multipliers, if they are unique.
-    """
+    """Return the expectation of a known optimum that must be proven; `point` and `duals` are given if unique."""
     return Expectation((Termination.OPTIMAL,), objective, point=point, duals=duals)
 
 
@@ -341,15 +333,7 @@ def bounds(
     lower: ArrayLike,
     upper: ArrayLike,
 ) -> dict[str, Any]:
-    """Return the bounds of a program by field name, with scalars broadcast.
-
-    Parameters
-    ----------
-    rows, columns : int
-        Numbers of rows and columns.
-    row_lower, row_upper, lower, upper : array_like
-        Bounds of rows and columns; a scalar applies to all.
-    """
+    """Return the bounds of a program with so many rows and columns by field name, with scalars broadcast."""
     given = {
         "row_lower": (row_lower, rows),
         "row_upper": (row_upper, rows),
@@ -374,36 +358,14 @@ _NEEDS = {
 
 
 def tabled(kind: str, table: Table, **others: Any) -> list[Case]:
-    """Return one case per entry of `table`.
-
-    Parameters
-    ----------
-    kind : str
-        Prefix of the names.
-    table : mapping of str to (BlockProgram, Expectation)
-        The programs.
-    **others
-        Further fields of :class:`Case`.
-    """
+    """Return one case per entry of `table`, with the prefix `kind` and further fields of :class:`Case`."""
     return [Case(f"{kind}{name}", *known, **others) for name, known in table.items()]
 
 
 def ended(
     kind: str, programs: Mapping[str, BlockProgram], *termination: Termination, **known: Any
 ) -> list[Case]:
-    """Return one case per program, with common correct terminations.
-
-    Parameters
-    ----------
-    kind : str
-        Prefix of the names.
-    programs : mapping of str to BlockProgram
-        The programs.
-    *termination : Termination
-        Correct terminations.
-    **known
-        Further fields of :class:`Expectation`.
-    """
+    """Return one case per program, with common correct terminations and other fields of :class:`Expectation`."""
     expected = Expectation(termination, **known)
     return tabled(kind, {name: (program, expected) for name, program in programs.items()})
 
@@ -411,15 +373,7 @@ def ended(
 def unsolvable(
     kind: str, infeasible: Mapping[str, BlockProgram], unbounded: Mapping[str, BlockProgram]
 ) -> list[Case]:
-    """Return one case per program, which must be proven infeasible or unbounded.
-
-    Parameters
-    ----------
-    kind : str
-        Prefix of the names.
-    infeasible, unbounded : mapping of str to BlockProgram
-        The programs.
-    """
+    """Return one case per program, which must be proven infeasible or unbounded; `kind` is a prefix of names."""
     return [
         *ended(kind, infeasible, Termination.INFEASIBLE),
         *ended(kind, unbounded, Termination.UNBOUNDED),
@@ -433,21 +387,7 @@ def asked_for(
     requests: Mapping[str, Mapping[str, Any]],
     **others: Any,
 ) -> list[Case]:
-    """Return one case per request for the same program.
-
-    Parameters
-    ----------
-    kind : str
-        Prefix of the names.
-    program : BlockProgram
-        The program.
-    known : Expectation
-        Known facts.
-    requests : mapping of str to mapping
-        Arguments of the requests, by name.
-    **others
-        Further fields of :class:`Case`.
-    """
+    """Return one case per request (arguments by name) for the same program; `others` are fields of the cases."""
     return [
         Case(
             f"{kind}{name}",

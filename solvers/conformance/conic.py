@@ -28,15 +28,8 @@ Cone = tuple[ConeKind, Any, Sequence[float]]
 def conic(cost: Sequence[float], cones: Sequence[Cone], **others: Any) -> ConicProgram:
     """Return a program from dense data, with one block for every cone.
 
-    Parameters
-    ----------
-    cost : sequence of float
-        Linear objective coefficients.
-    cones : sequence of (ConeKind, array, sequence of float)
-        Kind, coefficients of the rows, and their constants.
-    **others
-        As in :func:`~crosstrack.solvers.conformance.quadratic.quadratic`, with ``hessian`` and
-        ``matrix`` by name.
+    `others` are arguments of :func:`~crosstrack.solvers.conformance.quadratic.quadratic`, with ``hessian`` and
+    ``matrix`` by name.
     """
     size = len(cost)
     hessian = others.pop("hessian", np.zeros(size))

@@ -27,21 +27,10 @@ Posed = tuple[QuadraticProgram | ConicProgram, Vector]
 def certified(
     hessian: Any, matrix: Any, point: Vector, duals: Vector, reduced: Vector, room: float = 1.0
 ) -> QuadraticProgram:
-    """Return a program with a given optimal point and given multipliers.
+    """Return a program with a given optimal point, multipliers of rows and reduced costs.
 
-    Parameters
-    ----------
-    hessian, matrix : array_like
-        Hessian and row coefficients.
-    point : ndarray, shape (columns,)
-        Optimal point.
-    duals : ndarray, shape (rows,)
-        Multipliers of the rows.
-    reduced : ndarray, shape (columns,)
-        Reduced costs.
-    room : float
-        Distance from the point to bounds that do not bind. Bounds with a multiplier are at the
-        point. The cost makes the gradient of the Lagrangian vanish.
+    Bounds with a multiplier are at the point, the others at the distance `room` from it. The cost makes the gradient
+    of the Lagrangian vanish.
     """
     value = matrix @ point
 

@@ -45,24 +45,9 @@ def timed_cases(
 ) -> tuple[Case, ...]:
     """Return the cases for time limits, stop requests and keeping a warm start.
 
-    Parameters
-    ----------
-    kind : str
-        Prefix of the names.
-    program : BlockProgram
-        Program that takes longer than `seconds`.
-    start : ndarray, shape (columns,)
-        Best known point, from which the last run starts.
-    ends : tuple of Termination
-        Terminations of a fast solver that finishes before the limit.
-    best_known, floor : float
-        As in :class:`Expectation`.
-    seconds : float
-        Time limit.
-    stop_after : float
-        Seconds until the stop request.
-    any_limit : bool
-        As in :class:`Expectation`, for runs that start.
+    `program` takes longer than `seconds`, the time limit, and `stop_after` are the seconds until the stop request.
+    The last run starts from `start`, the best known point. A fast solver may finish with one of `ends`. The other
+    arguments are those of :class:`Expectation`.
     """
     # A run without a point is accepted: these cases test the limit, not the search.
     stopped = (Termination.FEASIBLE, Termination.NO_SOLUTION)
@@ -166,15 +151,7 @@ def limit_cases() -> tuple[Case, ...]:
 
 
 def hard_knapsack(size: int = 90, rows: int = 12) -> MixedIntegerProgram:
-    """Return a knapsack with `rows` constraints, from a generator independent of library versions.
-
-    Parameters
-    ----------
-    size : int
-        Number of items.
-    rows : int
-        Number of constraints.
-    """
+    """Return a knapsack with `size` items and `rows` constraints, independent of library versions."""
     draw = numbers(1)
     weights = np.array([[10 + next(draw) % 991 for _ in range(size)] for _ in range(rows)], float)
     cost = -np.round(weights.mean(axis=0)) - np.array([next(draw) % 500 for _ in range(size)])
@@ -188,13 +165,7 @@ def hard_knapsack(size: int = 90, rows: int = 12) -> MixedIntegerProgram:
 
 
 def numbers(seed: int) -> Iterator[int]:
-    """Yield pseudo-random integers, independent of library versions.
-
-    Parameters
-    ----------
-    seed : int
-        Seed of the linear congruential generator.
-    """
+    """Yield pseudo-random integers of a linear congruential generator, independent of library versions."""
     while True:
         seed = (seed * 1103515245 + 12345) % 2**31
         yield seed >> 16

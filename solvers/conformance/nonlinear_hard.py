@@ -46,18 +46,9 @@ def nonlinear(
     upper: ArrayLike = np.inf,
     **fields: Any,
 ) -> NonlinearProgram:
-    """Return the program with the objective and rows that `pose` returns for symbols x.
+    """Return the program with the objective and rows that `pose` returns for CasADi symbols x.
 
-    Parameters
-    ----------
-    pose : callable
-        Function ``x -> (objective, rows)`` on CasADi symbols.
-    guess : array_like, shape (columns,)
-        Initial point.
-    row_lower, row_upper, lower, upper : array_like
-        Bounds of rows and columns; a scalar applies to all.
-    **fields
-        Further fields of the program.
+    Scalar bounds apply to all rows or columns, `guess` is the initial point, and `fields` are further fields.
     """
     import casadi
 
@@ -83,14 +74,7 @@ def known(
 ) -> Expectation:
     """Return the expectation for a known optimum that a local search must find.
 
-    Parameters
-    ----------
-    objective : float
-        Optimal objective.
-    point, duals : tuple of float, optional
-        Optimal point and multipliers, if they are unique.
-    slack : float
-        Relative slack of comparisons with `objective`.
+    `point` and `duals` are given if they are unique, and `slack` is the relative slack of comparisons.
     """
     return Expectation(ENDS, objective, point=point, duals=duals, slack=slack)
 

@@ -30,21 +30,7 @@ def quadratic(
     upper: ArrayLike = INF,
     offset: float = 0.0,
 ) -> QuadraticProgram:
-    """Return a program from dense data, with scalar bounds broadcast.
-
-    Parameters
-    ----------
-    hessian : array_like
-        Hessian; a vector is its diagonal.
-    cost : sequence of float
-        Linear objective coefficients.
-    matrix : array_like
-        Row coefficients.
-    row_lower, row_upper, lower, upper : array_like
-        Bounds of rows and columns; a scalar applies to all.
-    offset : float
-        Constant of the objective.
-    """
+    """Return a program from dense data, with scalar bounds broadcast; a vector `hessian` is its diagonal."""
     costs = np.asarray(cost, float)
     size = costs.size
     curved = np.asarray(hessian, float)

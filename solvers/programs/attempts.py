@@ -57,7 +57,7 @@ class Ended(StrEnum):
     #: The solver claims one of the two without distinguishing them, as presolve often does.
     UNCLEAR = "infeasible or unbounded"
     #: The solver reached a limit or followed a stop request; its point may be usable.
-    STOPPED = "ending_if_stopped"
+    STOPPED = "stopped"
     #: The solver raised an error or returned a point that it does not guarantee.
     FAILED = "failed"
 
@@ -106,20 +106,10 @@ class Ending:
         words: Any = None,
         **parts: Any,
     ) -> Ending:
-        """Return the ending for a solver's `status`; an unknown status gives ``FAILED``.
+        """Return the ending for a solver's `status`; an unknown status gives ``FAILED``, with `solver` in its message.
 
-        Parameters
-        ----------
-        solver : str
-            Name of the solver, for the message of a failure.
-        status : object
-            Status that the solver returned.
-        meanings : mapping
-            The :class:`Ended` of each known status, or a pair (:class:`Ended`, :class:`Limit`).
-        words : object, optional
-            Text of the status, if the status itself is a number.
-        **parts
-            Other fields of :class:`Ending`.
+        Each known status means an :class:`Ended`, or a pair (:class:`Ended`, :class:`Limit`). `words` is the text of a
+        status that is a number, and `parts` are other fields.
         """
         meaning = meanings.get(status, Ended.FAILED)
         ended, limit = meaning if isinstance(meaning, tuple) else (meaning, None)

@@ -138,19 +138,7 @@ def answered(
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Run of a backend: its attempts, and the proofs of their answers.
-
-    Parameters
-    ----------
-    problem : QuadraticProgram
-        The program.
-    request : Request
-        Options of the run.
-    attempt : callable
-        Function ``(program, request, clock) -> Ending``.
-    clock : Clock
-        Clock of the run.
-    """
+    """Run of a backend: attempts (functions ``(program, request, clock) -> Ending``) and proofs of their answers."""
 
     problem: QuadraticProgram
     request: Request

@@ -34,19 +34,10 @@ FAR = 1e8
 
 @dataclass(frozen=True, eq=False)
 class Core:
-    """Part of a program that a solver receives: its free columns and its effective rows.
+    """Part of a program that a solver receives: its free `columns` and its effective `rows`, as indices of `whole`.
 
-    Many solvers fail on rows without entries or bounds, and interior-point methods on fixed columns.
-    Multipliers of such rows are 0. All cones are kept.
-
-    Parameters
-    ----------
-    whole, program : QuadraticProgram or ConicProgram
-        The given program and its core.
-    columns, rows : ndarray of int
-        Indices of the core's columns and rows in the given program.
-    base : ndarray, shape (columns,)
-        Values of the fixed columns, 0 elsewhere.
+    Many solvers fail on rows without entries or bounds, and interior-point methods on fixed columns. Multipliers of
+    such rows are 0. All cones are kept. `base` contains the values of the fixed columns, and 0 elsewhere.
     """
 
     whole: Any
@@ -146,14 +137,7 @@ class Core:
 class SplitForm:
     """Equality rows ``equal @ x == right``, separated from two-sided ``ranged`` rows.
 
-    Parameters
-    ----------
-    equal, ranged : sparse array
-        Row coefficients.
-    right, low, high : ndarray
-        Bounds of the rows.
-    at_equal, at_ranged : ndarray of int
-        Indices of the rows in the program.
+    `at_equal` and `at_ranged` are the indices of the rows in the program.
     """
 
     equal: sp.csc_array
@@ -191,21 +175,10 @@ class SplitForm:
 class ConicForm:
     """Conic form ``matrix @ x + s == right`` with s zero, then nonnegative, then in the cones.
 
-    Parameters
-    ----------
-    matrix : sparse matrix
-        Equality rows, rows with upper bounds, rows with lower bounds (negated), columns with upper and
-        with lower bounds (negated), cone rows (negated).
-    right : ndarray
-        Right-hand side.
-    zeros, linear : int
-        Number of equality rows, and of all rows before the cone rows.
-    equal, above, below : ndarray of int
-        Indices in the program of the first three kinds of rows.
-    cones : tuple of ConeBlock
-        Cones in the order of the solver.
-    take : ndarray of int
-        Indices in the program of the cone rows.
+    The rows are the equality rows, the rows with upper bounds, those with lower bounds (negated), the columns with
+    upper and with lower bounds (negated), and the cone rows (negated). `zeros` counts the equality rows, and `linear`
+    all rows before the cone rows. `equal`, `above` and `below` are the indices in the program of the first three kinds,
+    and `take` those of the cone rows. `cones` has the order of the solver.
     """
 
     matrix: Any
@@ -227,15 +200,8 @@ class ConicForm:
     ) -> ConicForm:
         """Return the constraints of `program` in this form.
 
-        Parameters
-        ----------
-        program : QuadraticProgram or ConicProgram
-            The program.
-        kinds : sequence of ConeKind
-            Order of the cones for the solver. Default: order of the program.
-        orders : callable, optional
-            Function that returns the solver's order of the rows of one cone of a block. Default: that of
-            crosstrack.
+        `kinds` is the order of the cones for the solver, and `orders` returns its order of the rows of one cone of a
+        block. The default is the order of the program and of crosstrack.
         """
         low, high = program.row_lower, program.row_upper
         left, right = program.column_lower, program.column_upper

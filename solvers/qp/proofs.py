@@ -42,18 +42,8 @@ CANCELLED = 1e-9
 class Findings:
     """Proofs about a program without a known optimum.
 
-    Parameters
-    ----------
-    infeasible, unbounded : bool
-        Whether this is proven.
-    source : str
-        Origin of the ray.
-    point : ndarray, optional
-        A feasible point that was found.
-    violation : float, optional
-        Smallest sum of violations, each in units of its row, if phase 1 was solved.
-    examined : bool
-        Whether all methods were tried.
+    `source` is the origin of the ray, `point` a feasible point that was found, and `violation` the smallest sum of
+    violations, each in units of its row, if phase 1 was solved. `examined` is True if all methods were tried.
     """
 
     infeasible: bool = False

@@ -24,20 +24,9 @@ EXACT = 1e-13
 class Quality:
     """Measured quality of a point with row multipliers.
 
-    Parameters
-    ----------
-    point, duals : ndarray
-        The point and its multipliers.
-    objective, bound : float
-        Objective of the point, and the lower bound that both prove.
-    violation : float
-        Largest violation, in the units of the verification's tolerance.
-    stationarity : float
-        Largest reduced cost that no bound of its column explains.
-    terms : float
-        Sum of the magnitudes of the objective's terms, the scale of rounding errors.
-    polished : bool
-        Whether the point comes from :mod:`.polishing` instead of the solver.
+    `bound` is the lower bound that both prove, `violation` the largest one in units of the verification's tolerance,
+    `stationarity` the largest reduced cost that no bound of its column explains, and `terms` the sum of the magnitudes
+    of the objective's terms, the scale of rounding errors. `polished` marks a point of :mod:`.polishing`.
     """
 
     point: Vector
