@@ -124,8 +124,11 @@ class _Lagrangian:
         if np.isneginf(trial.columns[self.curvature < 0]).any():
             return best
         for attempt in range(-1, QUICK_ATTEMPTS if self.effort == QUICK else ATTEMPTS):
-            if math.isfinite(best) and self.loss(trial, weak) <= LOSS * max(1.0, abs(best)):
-                break
+            close = LOSS * max(1.0, abs(best))
+            if math.isfinite(best) and self.loss(trial, weak) <= close:
+                # Scaling the multipliers loses in the rows, too.
+                if attempt != 0 or program.objective(self.point) - best <= close:
+                    break
             moved = self.moved(y, weak, implied, attempt)
             if moved is None:
                 continue
@@ -140,7 +143,8 @@ class _Lagrangian:
             reduced.low[free] = reduced.high[free] = 0.0
             trial = self.value(multipliers, reduced, implied)
             best = max(best, trial.bound)
-            weak |= np.isneginf(smallest(reduced, limits))
+            if attempt >= 0:
+                weak |= np.isneginf(smallest(reduced, limits))
         return best
 
     def loss(self, value: _Value, columns: Mask) -> float:
