@@ -315,10 +315,10 @@ def test_limits_and_warm_start() -> None:
     needed("pyscipopt")
     program = hard()
     start = np.round(np.linalg.solve(program.hessian.toarray(), -program.cost)).clip(-9, 9)
-    answer = ct.solve(program, "scip", time_limit=0.5, warm_start=start)
+    answer = ct.solve(program, "scip", time_limit=1.0, warm_start=start)
     assert answer.termination == "feasible"
     assert answer.limit is Limit.TIME
-    assert answer.seconds["total"] < 3.0
+    assert answer.seconds["total"] < 10.0
     assert answer.primal_bound is not None and answer.dual_bound is not None
     assert answer.dual_bound < answer.primal_bound <= program.objective(start)
     at_start = run(

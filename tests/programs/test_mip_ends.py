@@ -2,14 +2,12 @@
 
 import os
 import signal
-import threading
 import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from brute_force import shortest_length
-from listening import incumbents
 
 import crosstrack as ct
 from crosstrack.instances.error_correction.generator import random_small
@@ -68,15 +66,17 @@ def test_without_time_the_warm_start_and_the_floor_are_left(name):
 @pytest.mark.parametrize("name", ["ortools", "cvxpy"])
 def test_a_killed_solver_leaves_its_plan_and_bound(name):
     program = hard_knapsack()
-    heard = []
+    heard, kinds = [], set()
     with Worker() as worker:
 
-        def kill(incumbent):
-            if not heard:  # the first bound takes a linear program
-                threading.Timer(0.6, os.kill, (worker.pid, signal.SIGKILL)).start()
-            heard.append(incumbent.objective)
+        def kill(event):
+            kinds.add(event.kind)
+            if event.kind == "incumbent":
+                heard.append(event.incumbent.objective)
+            if kinds >= {"incumbent", "bound"}:
+                os.kill(worker.pid, signal.SIGKILL)
 
-        left = worker.solve(Job(program, name, time_limit=60.0), listener=incumbents(kill))
+        left = worker.solve(Job(program, name, time_limit=60.0), listener=kill)
     assert left.termination == "feasible"
     assert "SIG" in left.message
     assert left.primal_bound == pytest.approx(min(heard))

@@ -166,7 +166,7 @@ def test_a_stop_keeps_the_point(name: str) -> None:
     timer.start()
     begin = time.perf_counter()
     answer = asked(name, valley, control=control)
-    assert time.perf_counter() - begin < 3.0
+    assert time.perf_counter() - begin < 10.0
     if answer.termination is not Termination.LOCALLY_OPTIMAL:
         # SLSQP has its step in one piece; the others are at a point within the bounds.
         assert (answer.termination, answer.limit) == (Termination.FEASIBLE, Limit.INTERRUPTED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from dataclasses import replace
@@ -17,11 +18,41 @@ from crosstrack.models.programs import ConeBlock, ConeKind, ConicProgram
 from crosstrack.models.programs.certificates import (
     Proof,
     exact_verification,
+    safe_bound,
 )
 from crosstrack.models.programs.linear import QuadraticProgram
 from crosstrack.models.verification import Verification
 from crosstrack.solvers.contract.verdict import judge
 from crosstrack.solvers.run.proofs import prove_infeasible, prove_unbounded
+
+# Safe bounds of programs whose bounds are rows, as CVXPY states them.
+
+
+@pytest.mark.parametrize("quick", [False, True])
+@pytest.mark.parametrize(
+    ("cost", "side", "duals", "optimum"),
+    [
+        ([1.0, 2.0], (1.0, INF), [1.0, 0.0, 1.0], 1.0),  # the multipliers shrink
+        ([-1.0, -2.0], (-INF, 1.0), [-2.0, 1.0, 0.0], -2.0),  # the multipliers grow
+    ],
+)
+def test_multipliers_of_bounds_need_no_least_squares(
+    cost, side, duals, optimum, quick, monkeypatch
+):
+    def fail(*arguments, **options):
+        raise AssertionError("a least-squares problem was solved")
+
+    monkeypatch.setattr("scipy.linalg.lstsq", fail)
+    monkeypatch.setattr("scipy.sparse.linalg.lsqr", fail)
+    low, high = [side[0], 0.0, 0.0], [side[1], INF, INF]
+    program = linear(cost, [[1, 1], [1, 0], [0, 1]], low, high, -INF, INF)
+    point = np.array([1.0, 0.0] if cost[0] > 0 else [0.0, 1.0])
+    for noise in (1e-15, 1e-12):
+        for first, second in itertools.product((-noise, noise), repeat=2):
+            given = np.array(duals) + [first, *(second * (np.array(duals[1:]) > 0))]
+            bound = safe_bound(program, given, point, quick=quick)
+            assert optimum - 10 * noise <= bound <= optimum
+
 
 # Exact verification.
 
