@@ -49,7 +49,8 @@ def test_multipliers_of_bounds_need_no_least_squares(
     point = np.array([1.0, 0.0] if cost[0] > 0 else [0.0, 1.0])
     for noise in (1e-15, 1e-12):
         for first, second in itertools.product((-noise, noise), repeat=2):
-            given = np.array(duals) + [first, *(second * (np.array(duals[1:]) > 0))]
+            given = np.array(duals)
+            given += np.array([first, second, second]) * (given != 0)
             bound = safe_bound(program, given, point, quick=quick)
             assert optimum - 10 * noise <= bound <= optimum
 
