@@ -2,12 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
 from scipy.optimize import fsolve
 
 import crosstrack as ct
 from crosstrack.models import OptimalControlProblem
 from crosstrack.models.optimal_control.hamiltonian import misplaced_switches
+from crosstrack.models.optimal_control.transcription import refinement
 from crosstrack.models.optimal_control.transcription.mesh import Mesh
 from crosstrack.models.optimal_control.transcription.methods import Radau
 from crosstrack.models.optimal_control.transcription.refinement import Rules, _cut_switches
@@ -87,6 +89,24 @@ def test_a_value_that_a_path_constraint_forbids_has_no_entry():
     answer = ct.solve(ocp, formulation="gauss", formulation_options=options)
     assert answer.primal_bound == pytest.approx(-0.325, rel=1e-7)
     assert misplaced_switches(ocp.build(), answer.plan) == ([],)
+
+
+def test_a_false_alarm_of_switches_is_followed_by_the_other_examination(monkeypatch):
+    monkeypatch.setattr(refinement, "misplaced_switches", lambda *_: ([(0, 0.1, 1.0)],))
+
+    def gains(model, plan):
+        return [np.ones(plan.phases[0].states.intervals)]
+
+    monkeypatch.setattr(refinement, "hamiltonian_gains", gains)
+    monkeypatch.setattr(Mesh, "unchanged", lambda mesh, _: np.ones(mesh.intervals, bool))
+    answer = ct.solve(ct.load("optimal-control/linear-regulator"), formulation="gauss")
+    assert (answer.termination, answer.verified) == ("locally_optimal", True)
+    *_, switches, hamiltonian, last = [row["then"] for row in answer.history]
+    assert switches.startswith("verified and settled, but switches at other instants may gain 1")
+    assert hamiltonian == (
+        "the objective stays, but the Hamiltonian is not constant: halved where it changes"
+    )
+    assert last == "the objective stays"
 
 
 def test_cuts_for_switches_keep_the_other_intervals():

@@ -265,7 +265,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         object.__setattr__(self, "_settled", finding.settled)
         if finding.meshes is None:
             return None
-        history = History(plan, objective, self._meshes, finding.errors, finding.accepted)
+        history = History(
+            plan, objective, self._meshes, finding.errors, finding.accepted, finding.further
+        )
         return self._with(_meshes=finding.meshes, _history=history, _past_rows=rows)
 
     @property

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 __all__ = ["Finding", "History", "Rules", "denser", "next_meshes", "relative_change"]
 
 Floats = NDArray[np.float64]
+#: Meshes that examine the optimality of a plan, and the reason.
+Examination = tuple[tuple[Mesh, ...], str]
 
 #: Largest change of a converged objective from mesh to mesh, as a share of the tolerance.
 SETTLED = 0.1
@@ -90,7 +92,7 @@ class History:
     """Plan of the previous meshes, its objective, and the errors of its intervals per phase.
 
     `accepted` is the objective, if the plan was acceptable except for a gain predicted by the
-    Hamiltonian.
+    Hamiltonian. `further` are the examinations that follow if the prediction was wrong.
     """
 
     plan: ControlPlan
@@ -98,6 +100,7 @@ class History:
     meshes: tuple[Mesh, ...]
     errors: tuple[Floats, ...] = ()
     accepted: float | None = None
+    further: tuple[Examination, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -118,6 +121,7 @@ class Finding:
     errors: tuple[Floats, ...] = ()
     settled: bool = False
     accepted: float | None = None
+    further: tuple[Examination, ...] = ()
 
     def limited(self, rounds: int, most_rounds: int, most_nodes: int) -> Finding:
         """Return the finding without its meshes if they exceed a limit.
@@ -191,17 +195,14 @@ def next_meshes(
     accepted = None if former is None else former.accepted
     if accepted is not None:
         if relative_change(size, objective, accepted) <= CONFIRMED * tolerance:
-            return replace(finding, settled=True, words="the objective stays: settled")
+            assert former is not None
+            return _examined(finding, "the objective stays", accepted, former.further)
         # The examination did find a gain.
-        accepted = None
     why = ""
     if verified is not None:
         if verified and converged:
-            accuracy = tolerance * size
-            halved, text = _reexamine(model, plan, meshes, rules, accuracy, former, strains)
-            if halved is None:
-                return replace(finding, settled=True)
-            return replace(finding, meshes=halved, words=text, accepted=objective)
+            further = _examinations(model, plan, meshes, rules, tolerance * size, former, strains)
+            return _examined(finding, "verified and settled", objective, further)
         # Each interval is good enough, but not all together: refine the worst further.
         limit = max(0.1 * worst, 1e-3 * limit) if not verified else max(1e-2 * limit, 1e-2 * worst)
         why = "the objective has not settled: " if verified else "the plan does not verify: "
@@ -225,7 +226,18 @@ def next_meshes(
     return replace(finding, meshes=tuple(finer_meshes), words=text)
 
 
-def _reexamine(
+def _examined(
+    finding: Finding, words: str, accepted: float, further: tuple[Examination, ...]
+) -> Finding:
+    """Return the finding with the next examination of the `accepted` objective, settled if none is left."""
+    if not further:
+        return replace(finding, settled=True, words=words)
+    (meshes, reason), *others = further
+    words = f"{words}, but {reason}"
+    return replace(finding, meshes=meshes, words=words, accepted=accepted, further=tuple(others))
+
+
+def _examinations(
     model: OptimalControlProblem,
     plan: ControlPlan,
     meshes: Sequence[Mesh],
@@ -233,40 +245,42 @@ def _reexamine(
     accuracy: float,
     former: History | None,
     strains: Sequence[Floats],
-) -> tuple[tuple[Mesh, ...] | None, str]:
-    """Return meshes for an examination of optimality and its reason; None without a reason.
+) -> tuple[Examination, ...]:
+    """Return the examinations of a plan's optimality, each of which follows if the one before found no gain.
 
     A converged objective covers neither intervals that the last meshes left unchanged nor a restriction that all
     meshes share. Intervals are cut where switching functions vanish if switches at other knots cost more than the
     `accuracy` of the objective. Calm controls are released if their rows restrict the objective, and unchanged
     intervals halved if the Hamiltonian predicts a gain there.
     """
-    words, chosen = "verified and settled, but ", _promising(strains, accuracy)
+    result, chosen = list[Examination](), _promising(strains, accuracy)
     switches = misplaced_switches(model, plan) if rules.split else ()
     gains = [gain for of_phase in switches for *_, gain in of_phase]
     if sum(gains) > accuracy:
         least = PROMISING * max(gains)
-        words += f"switches at other instants may gain {sum(gains):.2g}: cut there"
-        return tuple(
+        cut = tuple(
             _cut_switches(mesh, [item[:2] for item in of_phase if item[2] >= least], rules)
             for mesh, of_phase in zip(meshes, switches, strict=True)
-        ), words
+        )
+        result.append((cut, f"switches at other instants may gain {sum(gains):.2g}: cut there"))
+    words = "the Hamiltonian is not constant: halved where it changes"
     if chosen is not None:
         strain = sum(float(strain_of.sum()) for strain_of in strains)
-        words += f"controls held calm may cost {strain:.2g}: released"
+        words = f"controls held calm may cost {strain:.2g}: released"
         if not rules.split:
-            return tuple(Mesh(mesh.fractions, mesh.degrees) for mesh in meshes), words
+            released = tuple(Mesh(mesh.fractions, mesh.degrees) for mesh in meshes)
+            return (*result, (released, words))
     elif rules.split and former is not None:
-        words += "the Hamiltonian is not constant: halved where it changes"
         parts = zip(hamiltonian_gains(model, plan), meshes, former.meshes, strict=True)
         changes = [
             np.zeros(mesh.intervals) if gain is None else np.where(mesh.unchanged(old), gain, 0.0)
             for gain, mesh, old in parts
         ]
         chosen = _promising(changes, accuracy)
-    if chosen is None:
-        return None, ""
-    return tuple(mesh.halved(rows) for mesh, rows in zip(meshes, chosen, strict=True)), words
+    if chosen is not None:
+        pairs = zip(meshes, chosen, strict=True)
+        result.append((tuple(mesh.halved(rows) for mesh, rows in pairs), words))
+    return tuple(result)
 
 
 def _cut_switches(mesh: Mesh, switches: Sequence[tuple[int, float]], rules: Rules) -> Mesh:
