@@ -29,6 +29,9 @@ from .sampling import courses
 
 __all__ = ["OptimalControlProblem"]
 
+#: Number of verifications that a problem caches: a run compares at most this many plans at a time.
+CACHED = 4
+
 
 @dataclass(frozen=True, eq=False, repr=False, init=False)
 class OptimalControlProblem(Model[ControlPlan]):
@@ -145,14 +148,16 @@ class OptimalControlProblem(Model[ControlPlan]):
         nodes, boundary conditions at the ends, and invariants along the motion. Integrals are computed
         by adaptive quadrature.
 
-        The last result is cached for equal definition, tolerance and plan.
+        The last results are cached for equal definition, tolerance and plan.
         """
         key = self.definition, _fingerprint(plan), tolerance
-        if isinstance(plan, ControlPlan) and self.__dict__.get("_verified", ((),))[0] == key:
-            known: Verification = self.__dict__["_verified"][1]
-            return known
+        cached: list[tuple[Any, Verification]] = self.__dict__.setdefault("_verified", [])
+        if isinstance(plan, ControlPlan):
+            for known, verification in cached:
+                if known == key:
+                    return verification
         result = verify_control(self.definition, plan, tolerance)
-        self.__dict__["_verified"] = key, result
+        cached[:] = [(key, result), *cached[: CACHED - 1]]
         return result
 
     def plan_from_data(self, data: Any) -> ControlPlan:

@@ -149,8 +149,9 @@ class _Stage:
     grade: tuple[int, float]
 
     @classmethod
-    def of(cls, run: Run, program: Any, answer: Answer) -> _Stage:
-        return cls(run.target, program, answer, run.history, _grade(run, answer))
+    def of(cls, run: Run, program: Any, answer: Answer, is_late: bool = False) -> _Stage:
+        grade = _grade_late(run, answer) if is_late else _grade(run, answer)
+        return cls(run.target, program, answer, run.history, grade)
 
     @property
     def is_close(self) -> bool:
@@ -174,6 +175,29 @@ class _Stage:
         return self.grade < other.grade
 
 
+def _ending(request: Request, limit: Limit | None, seconds: float | None) -> Limit | None:
+    """Return the limit after which no stage may follow one that ended with `limit`; None if one may."""
+    if limit not in (None, Limit.ITERATIONS):
+        return limit
+    if request.control.stopped:
+        return request.control.reason
+    return Limit.TIME if seconds is not None and seconds <= 0 else None
+
+
+def _grade_late(run: Run, answer: Answer) -> tuple[int, float]:
+    """Return the grade from the last row of the history, without the time of a verification."""
+    if answer.point is None or answer.termination not in CLAIMS_PLAN:
+        return _NOTHING, 0.0
+    is_verified = bool(run.history and run.history[-1].get("verified"))
+    return _grade_verified(answer) if is_verified else (_REJECTED, np.inf)
+
+
+def _grade_verified(answer: Answer) -> tuple[int, float]:
+    value = answer.primal_bound
+    settled = answer.termination in (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL)
+    return (_SETTLED if settled else _VERIFIED), np.inf if value is None else value
+
+
 def _grade(run: Run, answer: Answer) -> tuple[int, float]:
     """Return whether the answer is settled, verified, rejected or nothing, and its objective or violation."""
     if answer.point is None or answer.termination not in CLAIMS_PLAN:
@@ -186,9 +210,7 @@ def _grade(run: Run, answer: Answer) -> tuple[int, float]:
         checked = run.job.model.verify(plan, tolerance=run.job.verification_tolerance)
     if not checked.ok:
         return _REJECTED, checked.excess
-    value = answer.primal_bound
-    settled = answer.termination in (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL)
-    return (_SETTLED if settled else _VERIFIED), np.inf if value is None else value
+    return _grade_verified(answer)
 
 
 def _from_fixed_times(
@@ -238,6 +260,10 @@ def rescue(
     is_final = settled or not has_ladder(run.job) or run.job.model.is_blinded
     if is_final:
         return answer, program
+    limit = _ending(request, answer.limit, left())
+    if limit is not None:  # a verification for the grade may take seconds
+        is_unfinished = answer.termination is not Termination.LOCALLY_OPTIMAL and next(others, None)
+        return (replace(answer, limit=limit) if is_unfinished else answer), program
     best = _Stage.of(run, program, answer)
     if best.grade[0] == _NOTHING and answer.limit is None:
         others = chain(_from_fixed_times(run, formulation, request, attend, left()), others)
@@ -258,16 +284,15 @@ def rescue(
         seconds = left()
         if best.grade[0] == _SETTLED or (was_restricted and best.is_close):
             break
-        if limit in (None, Limit.ITERATIONS) and request.control.stopped:
-            limit = request.control.reason
-        elif limit in (None, Limit.ITERATIONS) and seconds is not None and seconds <= 0:
-            limit = Limit.TIME
-        if limit not in (None, Limit.ITERATIONS):
+        ending = _ending(request, limit, seconds)
+        if ending is not None:
+            limit = ending
             break
         run.target = replace(run.target, formulation=other)
         run.history, run.spent[:] = [], []
         answer, program = solve(other.program, replace(request, time_limit=seconds))
-        stage, limit = _Stage.of(run, program, answer), answer.limit
+        is_late = _ending(request, answer.limit, left()) is not None
+        stage, limit = _Stage.of(run, program, answer, is_late), answer.limit
         stages.append(f"{label}: {stage.words.partition(': ')[2]}")
         if stage.is_better(best):
             best = stage

@@ -10,6 +10,7 @@ from checked import check, parametric, phase_plan, piecewise, rest_plan, rest_pr
 from hypothesis import given, settings, strategies as st
 
 from crosstrack.models import ControlPlan, OptimalControlProblem, PhasePlan
+from crosstrack.models.optimal_control import integration
 from crosstrack.models.optimal_control.checks import motion
 from crosstrack.models.optimal_control.hamiltonian import hamiltonian_spread
 from crosstrack.models.optimal_control.plan import Piecewise
@@ -62,6 +63,21 @@ def test_a_stiff_motion_is_integrated(rate):
     off = piecewise(knots, lambda t, _: [np.cos(t) + 1e-3], 14, 1)
     one = check(ocp.verify(ControlPlan((replace(part, controls=off),))), "motion")
     assert one.worst == pytest.approx(1e-3, rel=0.1) and not one.ok
+
+
+@pytest.mark.parametrize("is_stiff", [True, False])
+def test_a_motion_that_becomes_stiff_apart_from_the_plan_is_integrated_implicitly(is_stiff):
+    # The stability of the explicit method limits it to 1e6/6 steps.
+    times, states = np.linspace(0.0, 1.0, 49), np.ones((49, 1))
+
+    def rate(t, y):
+        return 1e6 * (math.cos(t) - y) - math.sin(t)
+
+    steps, _, reason = integration._advance(
+        rate, is_stiff, times, times[-1:], np.ones(1), 0.0, states, integration.STEPS
+    )
+    assert not reason and steps < 2 * integration.EXPLICIT
+    assert states[:, 0] == pytest.approx(np.cos(times), abs=1e-9)
 
 
 def test_rejects_a_motion_that_breaks_down():

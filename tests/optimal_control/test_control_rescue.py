@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import casadi
 import numpy as np
@@ -14,7 +15,7 @@ from crosstrack.models import OptimalControlProblem
 from crosstrack.models.optimal_control.sampling import PANELS, RULE, Course
 from crosstrack.solvers.contract.backend import Answer
 from crosstrack.solvers.contract.enums import Limit, Termination
-from crosstrack.solvers.run import rescue, running, starts
+from crosstrack.solvers.run import refinement, rescue, running, starts
 
 INFEASIBLE = Answer(Termination.LOCALLY_INFEASIBLE, message="made infeasible")
 
@@ -124,6 +125,24 @@ def test_explicit_choices_keep_the_formulation(attended, options):
     found = ct.solve(rest_to_rest().ocp, **options)
     assert "stages" not in found.statistics
     assert all(name == "gauss" for name, _ in attended.calls[:2])
+
+
+def test_a_stage_is_not_graded_after_the_time_limit(monkeypatch):
+    # The verification of a plan with large errors took 1.8 s.
+    graded = []
+    monkeypatch.setattr(refinement, "explodes", lambda rows: True)
+    monkeypatch.setattr(rescue, "_ending", lambda request, limit, seconds: Limit.TIME)
+    monkeypatch.setattr(rescue, "_grade", lambda run, answer: graded.append(answer))
+    found = ct.solve(ct.load("optimal-control/moon-lander"))
+    assert (found.termination, found.limit) == ("rejected", "time"), found.message
+    assert not graded and "stages" not in found.statistics
+
+
+@pytest.mark.parametrize(("verified", "grade"), [(True, (1, 2.0)), (False, (2, np.inf))])
+def test_the_history_grades_a_stage_that_ends_at_the_time_limit(verified, grade):
+    run = SimpleNamespace(history=[{"verified": verified}])
+    answer = Answer(Termination.FEASIBLE, point=np.zeros(1), primal_bound=2.0)
+    assert rescue._grade_late(run, answer) == grade
 
 
 def test_a_settled_answer_has_no_further_stage(attended):
