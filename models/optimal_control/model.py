@@ -10,6 +10,7 @@ for Optimal Control and Estimation Using Nonlinear Programming" (SIAM, 2010), ch
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -150,15 +151,10 @@ class OptimalControlProblem(Model[ControlPlan]):
 
         The last results are cached for equal definition, tolerance and plan.
         """
-        key = self.definition, _fingerprint(plan), tolerance
-        cached: list[tuple[Any, Verification]] = self.__dict__.setdefault("_verified", [])
-        if isinstance(plan, ControlPlan):
-            for known, verification in cached:
-                if known == key:
-                    return verification
-        result = verify_control(self.definition, plan, tolerance)
-        cached[:] = [(key, result), *cached[: CACHED - 1]]
-        return result
+        definition = self.definition
+        return cached_verification(
+            self, (definition, tolerance), plan, lambda: verify_control(definition, plan, tolerance)
+        )
 
     def plan_from_data(self, data: Any) -> ControlPlan:
         """Return the plan in `data`, with the declarations of the problem if they fit.
@@ -199,6 +195,20 @@ class OptimalControlProblem(Model[ControlPlan]):
         controls = sum(len(phase.control_names) for phase in phases) - algebraic
         text = f"{len(phases)} phase{'s' * (len(phases) > 1)}, {states} states, {controls} controls"
         return text + (f", {algebraic} algebraic variables" if algebraic else "")
+
+
+def cached_verification(
+    model: Model[ControlPlan], key: Any, plan: Any, verify: Callable[[], Verification]
+) -> Verification:
+    """Return the cached verification of an equal plan with an equal `key`, otherwise the result of `verify`."""
+    whole = key, _fingerprint(plan)
+    cached: list[tuple[Any, Verification]] = model.__dict__.setdefault("_verified", [])
+    for known, verification in cached if isinstance(plan, ControlPlan) else ():
+        if known == whole:
+            return verification
+    result = verify()
+    cached[:] = [(whole, result), *cached[: CACHED - 1]]
+    return result
 
 
 def _fingerprint(plan: Any) -> bytes:

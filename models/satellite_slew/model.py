@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ...errors import InvalidData
 from ..fields import Array, Real
-from ..optimal_control.model import OptimalControlProblem
+from ..optimal_control.model import OptimalControlProblem, cached_verification
 from ..optimal_control.plan import ControlPlan
 from ..verification import TOLERANCE, Verification
 from .checks import verify_slew
@@ -186,9 +186,11 @@ class SatelliteSlew(SlewData):
 
         DOP853 integrates the gimbal rates from the plan's initial state in NumPy, independently of the
         CasADi expressions for solvers. The result is compared with the plan's states. Limits are
-        evaluated on a dense grid between the nodes.
+        evaluated on a dense grid between the nodes. The last results are cached for equal tolerance and plan.
         """
-        return verify_slew(self, plan, tolerance)
+        return cached_verification(
+            self, tolerance, plan, lambda: verify_slew(self, plan, tolerance)
+        )
 
     def describe(self) -> str:
         """Return the size in a few words."""

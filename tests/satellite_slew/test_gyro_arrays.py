@@ -132,7 +132,7 @@ def test_a_slew_from_rate_to_rate_is_that_of_an_independent_integration():
 
     y = np.concatenate([np.eye(3).ravel(), model.initial_rate, model.initial_gimbals])
     for begin, end in zip(part.states.knots[:-1], part.states.knots[1:], strict=True):
-        y = solve_ivp(slope, (begin, end - 1e-12), y, rtol=1e-8, atol=1e-9).y[:, -1]
+        y = solve_ivp(slope, (begin, end - 1e-12), y, rtol=1e-6, atol=1e-7).y[:, -1]
     close(y[:9].reshape(3, 3), rotation_matrix(model.final_attitude), 2e-3)
     close(y[9:12], model.final_rate, 2e-4)
     flight = track(model, best, disturbance=(0, 0, 0), tolerance=0.05)
@@ -176,7 +176,7 @@ def test_the_full_program_has_the_same_optimum():
 
 def test_a_better_optimum_than_that_of_the_guess_is_found():
     """The guess leads to 5.525 s."""
-    best = ct.solve(ct.load("satellite-slew/skew-30"), tolerance=1e-3)
+    best = ct.solve(ct.load("satellite-slew/skew-30"), tolerance=1e-2)
     assert best.statistics["second look"] == "better"
     assert best.primal_bound < 5.473
 

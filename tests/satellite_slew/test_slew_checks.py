@@ -9,6 +9,7 @@ import pytest
 from crosstrack.errors import InvalidData
 from crosstrack.models import ControlPlan, PhasePlan, SatelliteSlew
 from crosstrack.models.optimal_control.plan import Piecewise
+from crosstrack.models.satellite_slew import model as slews
 from crosstrack.models.satellite_slew.quaternions import (
     rotation_about,
 )
@@ -134,3 +135,15 @@ def loads(steered):
     small = SatelliteSlew(**dict.fromkeys(LIMITED, 1e-3)).verify(steered.plan)
     found = {check.name: check.worst + 1e-3 for check in small.checks}
     return {field: found[name] for field, name in LIMITED.items()}
+
+
+def test_a_plan_is_verified_once(steered, monkeypatch):
+    seen, plain = [], slews.verify_slew
+    monkeypatch.setattr(slews, "verify_slew", lambda *args: seen.append(args) or plain(*args))
+    model = SatelliteSlew()
+    found = model.verify(steered.plan)
+    assert model.verify(model.plan_from_data(model.plan_to_data(steered.plan))) is found
+    assert len(seen) == 1
+    model.verify(steered.plan, tolerance=1e-5)
+    SatelliteSlew().verify(steered.plan)
+    assert len(seen) == 3

@@ -119,8 +119,8 @@ def test_lyapunov_function_falls_as_the_proof_says():
 
 
 def test_the_papers_law_knows_the_disturbance(reserved):
-    flight = track(*reserved, law="paper", sample_time=0.04)
-    blind = track(*reserved, law="paper", known_disturbance=0.0, sample_time=0.04)
+    flight = track(*reserved, law="paper", sample_time=0.08)
+    blind = track(*reserved, law="paper", known_disturbance=0.0, sample_time=0.08)
     assert flight.max_quaternion_error < 0.2 * blind.max_quaternion_error
     assert blind.max_quaternion_error < 4e-4
     assert blind.max_rate_error < 1e-3

