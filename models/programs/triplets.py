@@ -76,4 +76,5 @@ def dm(matrix: Any) -> casadi.DM:
 
 def _sparsity(csc: Any) -> casadi.Sparsity:
     # CasADi reads lists 25 times as fast as arrays of whole numbers.
-    return casadi.Sparsity(*csc.shape, csc.indptr.tolist(), csc.indices.tolist())
+    rows, columns = csc.shape
+    return casadi.Sparsity(rows, columns, csc.indptr.tolist(), csc.indices.tolist())
