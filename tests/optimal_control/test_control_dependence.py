@@ -161,7 +161,7 @@ def test_contradicting_conditions_have_no_plan():
     # The choice of the dropped condition decides whether the search or the verification detects it.
     assert answer.termination in ("rejected", "locally_infeasible")
     assert answer.plan is None
-    answer = ct.solve(overdone(2.0))
+    answer = ct.solve(overdone(2.0), formulation="gauss")
     assert answer.termination == "rejected"
     # The removed equation is restored because the plan violates it; then no plan exists.
     assert "locally_infeasible" in answer.message and "final values" in answer.message

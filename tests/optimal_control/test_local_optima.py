@@ -30,11 +30,11 @@ def f8_aircraft():
 
 
 def test_finds_the_better_of_several_optima():
-    found = ct.solve(f8_aircraft(), tolerance=1e-4)
+    found = ct.solve(f8_aircraft(), tolerance=1e-3)
     assert found.verified and found.statistics["second look"] == "better"
     assert found.primal_bound == pytest.approx(3.7809, rel=1e-3)
     assert "a drawn start led to a better optimum" in found.message
-    alone = ct.solve(f8_aircraft(), tolerance=1e-4, seed=0)
+    alone = ct.solve(f8_aircraft(), tolerance=1e-3, seed=0)
     assert alone.primal_bound > 5.7 and "second look" not in alone.statistics
 
 
