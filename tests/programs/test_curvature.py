@@ -37,7 +37,7 @@ def drawn(draw):
     return program, hessian, rows
 
 
-@pytest.mark.parametrize("count", [75, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [40, pytest.param(300, marks=pytest.mark.slow)])
 def test_directions_found_decrease_and_clear_ones_are_found(count):
     draw = np.random.default_rng(1)
     missed = 0

@@ -78,7 +78,7 @@ def quadratic_optimum(program: NonlinearProgram) -> float:
     return float(answer.primal_bound)
 
 
-@settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=12, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(convex())
 def test_convex_programs_have_their_optimum(program: NonlinearProgram) -> None:
     optimum = quadratic_optimum(program)
@@ -89,7 +89,7 @@ def test_convex_programs_have_their_optimum(program: NonlinearProgram) -> None:
         assert program.stationarity(answer.point, answer.duals) < 1e-3, name
 
 
-@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=10, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(st.lists(st.integers(-4, 4), min_size=7, max_size=7))
 def test_other_units_make_no_difference(powers: list[int]) -> None:
     case = CASES["nonlinear: HS071"]

@@ -143,7 +143,7 @@ def brute_force(program: QuadraticProgram) -> float | None:
     return best
 
 
-@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(programs())
 def test_all_agree_with_brute_force(program: QuadraticProgram) -> None:
     optimum = brute_force(program)
