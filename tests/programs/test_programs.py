@@ -11,8 +11,8 @@ from hypothesis import given, settings, strategies as st
 import crosstrack as ct
 from crosstrack.errors import BackendMissing, InvalidData
 from crosstrack.models import Block, MixedIntegerProgram, Model, ProgramBuilder
-from crosstrack.solvers import Answer, Backend, Feature, Guarantee, Termination
-from crosstrack.solvers.conformance import all_cases, run_suite
+from crosstrack.solvers import Answer, Backend, Feature, Guarantee, Request, Termination
+from crosstrack.solvers.conformance import Case, Expectation, Run, all_cases, run_suite
 from crosstrack.solvers.mip.highs import Highs
 
 INF = math.inf
@@ -220,3 +220,16 @@ def test_the_suite_tests_an_external_backend():
 def test_an_expected_backend_must_not_be_skipped():
     with pytest.raises(BackendMissing, match="'gurobi' is expected"):
         run_suite([], expected=["gurobi"])
+
+
+@pytest.mark.parametrize(
+    ("seconds", "cpu", "late"), [(2.9, 2.9, False), (20, 1, False), (20, 9, True), (40, 0, True)]
+)
+def test_a_busy_machine_does_not_make_a_solver_late(seconds, cpu, late):
+    program = replace(knapsack(), row_lower=[-INF, -INF])
+    value = program.objective(np.zeros(3))
+    answer = Answer(Termination.OPTIMAL, point=np.zeros(3), primal_bound=value, dual_bound=value)
+    case = Case("limit", program, Expectation((Termination.OPTIMAL,)))
+    request = Request(time_limit=0.2)
+    reason = case.judge(Run(answer, request, frozenset({Feature.DUAL_BOUND}), (), seconds, cpu))
+    assert reason is None if not late else reason.startswith("took")
