@@ -59,6 +59,15 @@ def test_answers_equal_those_of_cvxpy(kind: str, count: int) -> None:
         assert answer.bound == pytest.approx(problem.value, rel=2e-6, abs=2e-6), number
 
 
+def test_booleans_are_at_most_1() -> None:
+    whole, part = cp.Variable(2, boolean=True, name="whole"), cp.Variable(3, boolean=[(0, 2)])
+    limits = [whole[0] + whole[1] <= 5, part <= 4, part >= -4]
+    problem = cp.Problem(cp.Maximize(cp.sum(whole) + cp.sum(part)), limits)
+    for sense, value in ((cp.Maximize, 8.0), (cp.Minimize, -4.0)):
+        answer = ct.solve(cp.Problem(sense(problem.objective.expr), limits), "highs")
+        assert answer.value == pytest.approx(value)
+
+
 def test_multipliers_equal_those_of_cvxpy() -> None:
     # Strictly convex, with independent active constraints: the multipliers are unique.
     draw = np.random.default_rng(0)

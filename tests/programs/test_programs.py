@@ -11,6 +11,7 @@ from hypothesis import given, settings, strategies as st
 import crosstrack as ct
 from crosstrack.errors import BackendMissing, InvalidData
 from crosstrack.models import Block, MixedIntegerProgram, Model, ProgramBuilder
+from crosstrack.models.programs.base import row_maxima
 from crosstrack.solvers import Answer, Backend, Feature, Guarantee, Request, Termination
 from crosstrack.solvers.conformance import Case, Expectation, Run, all_cases, run_suite
 from crosstrack.solvers.mip.highs import Highs
@@ -233,3 +234,12 @@ def test_a_busy_machine_does_not_make_a_solver_late(seconds, cpu, late):
     request = Request(time_limit=0.2)
     reason = case.judge(Run(answer, request, frozenset({Feature.DUAL_BOUND}), (), seconds, cpu))
     assert reason is None if not late else reason.startswith("took")
+
+
+def test_the_largest_magnitude_of_each_row():
+    matrix = sp.csr_array(
+        np.array([[0, 0, 0], [1, -7, 2], [0, 0, 0], [-0.5, 0, 0.25], [0, 0, 0.0]])
+    )
+    assert row_maxima(matrix).tolist() == [0, 7, 0, 0.5, 0]
+    assert row_maxima(sp.csr_array((2, 3))).tolist() == [0, 0]
+    assert row_maxima(sp.csr_array((0, 3))).size == 0

@@ -16,7 +16,7 @@ from crosstrack.solvers.conformance.convex import certified
 from crosstrack.solvers.conformance.quadratic import quadratic
 from crosstrack.solvers.contract.backend import Limit, Request, Termination
 from crosstrack.solvers.programs.attempts import Ended, Ending
-from crosstrack.solvers.qp.polishing import polished
+from crosstrack.solvers.qp.polishing import _corrected, polished
 from crosstrack.solvers.qp.proofs import contradiction, examined, recedes
 from crosstrack.solvers.qp.quality import measured
 
@@ -39,6 +39,23 @@ def test_polish_removes_noise(program: QuadraticProgram, seed: int) -> None:
     better = polished(program, start)
     assert better.merit <= start.merit
     assert better.proves(1e-9, 1e-9), better.describe()
+
+
+def test_a_guess_of_active_bounds_is_corrected() -> None:
+    program = quadratic([1, 1], [-1, 1], lower=0, upper=3)
+    # The first column has a multiplier of the wrong sign, and the second is below its bound.
+    signs = _corrected(program, np.array([-1, 0], np.int8), np.array([0.0, -1.0]), np.zeros(0))
+    assert signs.tolist() == [0, -1]
+    signs = _corrected(program, np.array([1, 1], np.int8), np.array([3.0, 3.0]), np.zeros(0))
+    assert signs.tolist() == [0, 0]
+
+
+@pytest.mark.parametrize(("distance", "proven"), [(0.9, True), (1.1, False), (-1.1, False)])
+def test_an_optimum_needs_a_bound_within_the_gap(distance: float, proven: bool) -> None:
+    quality = measured(quadratic([1], [-100]), np.array([100.0]), None)
+    assert quality is not None and quality.objective == -5000
+    away = replace(quality, bound=-5000 - distance * 1e-6 * 5000)
+    assert away.proves(1e-6, 1e-9) is proven
 
 
 def test_polish_reaches_the_last_digits() -> None:

@@ -305,7 +305,7 @@ class _Standard:
                 blocks[name] = Block(name, "", start, count, *_places(variable, name, count))
         return tuple(blocks.values())
 
-    def _inverted(self, plan: Vector, duals: Vector | None, objective: float) -> Any:
+    def _inverted(self, plan: Vector, duals: Vector | None) -> Any:
         """Return the solution of the user's problem in CVXPY's form."""
         from cvxpy.reductions.solution import Solution
         from cvxpy.reductions.solvers import utilities
@@ -316,9 +316,9 @@ class _Standard:
             values = utilities.get_dual_values(
                 signed, utilities.extract_dual_value, self.constraints
             )
-        minimised = -objective if self.maximises else objective
         variable = self.inverse[-1]["var_id"]
-        solution = Solution("optimal", minimised, {variable: np.array(plan)}, values, {})
+        # CVXPY computes the value of the problem from its variables.
+        solution = Solution("optimal", 0.0, {variable: np.array(plan)}, values, {})
         steps = list(zip(self.chain.reductions[:-1], self.inverse[:-1], strict=True))
         for reduction, entry in reversed(steps):
             solution = reduction.invert(solution, entry)
@@ -326,7 +326,7 @@ class _Standard:
 
     def values(self, plan: Vector) -> dict[str, Any]:
         """Return the values of the variables by name."""
-        parts = self._inverted(plan, None, 0.0).primal_vars
+        parts = self._inverted(plan, None).primal_vars
         dense = {k: part.toarray() if sp.issparse(part) else part for k, part in parts.items()}
         return {variable.name(): dense[variable.id] for variable in self.problem.variables()}
 
@@ -340,7 +340,7 @@ class _Standard:
         from cvxpy.reductions.solution import failure_solution
 
         if plan is not None and objective is not None:
-            solution = self._inverted(plan, duals, objective)
+            solution = self._inverted(plan, duals)
             solution.status = "optimal" if termination == "optimal" else "user_limit"
         else:
             solution = failure_solution(termination)
