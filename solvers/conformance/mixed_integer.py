@@ -133,8 +133,8 @@ def _solvable() -> list[Case]:
         ),
         *asked_for(
             "integer: ",
-            hard_knapsack(24, 8),
-            optimum(-9895),
+            hard_knapsack(30, 8),
+            optimum(-12414),
             {"another seed, another search": {"seed": 7}},
             others=({"seed": 1}, {"seed": 2}),
             further=seeds_differ,
