@@ -34,8 +34,8 @@ SLACK = 1e-6
 #: The same for a bound and a point of an unfinished run. The point satisfies its rows only up to the
 #: tolerance, so its objective gains the violations times their multipliers (up to 8e-6).
 UNFINISHED = 1e-4
-#: Seconds of the processor that a solver may need after its time limit or a stop request, and those of the
-#: clock, of which a busy machine takes more.
+#: Seconds of the processor that a solver may need after its time limit or a stop request, and further seconds
+#: of the clock, because a busy machine runs other processes.
 GRACE, PATIENCE = 3.0, 30.0
 
 #: Largest reduced cost of a local optimum, relative to the gradient of the objective.
