@@ -3,12 +3,15 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from transcribed import LINEAR, catalogue, layers, regulator, solved
 
 import crosstrack as ct
 from crosstrack.errors import UnsupportedOption
 from crosstrack.models.optimal_control.transcription import base, refinement
+from crosstrack.models.optimal_control.transcription.mesh import mesh_of
+from crosstrack.models.optimal_control.transcription.refinement import History, Rules
 from crosstrack.solvers.run.running import Run
 
 
@@ -144,3 +147,19 @@ def test_a_plan_within_the_tolerance_is_verified_whatever_the_share_of_an_interv
     last = found.history[-1]
     assert last["verified"] and 1e-12 < last["error"] <= 1e-6
     assert found.verification.ok
+
+
+@pytest.mark.parametrize("is_verified", [True, False])
+def test_a_verified_plan_is_settled_by_a_finer_mesh_with_the_same_objective(is_verified):
+    model = ct.load("optimal-control/bryson-denham")
+    solution = ct.solve(model, formulation="gauss", seed=0)
+    meshes = tuple(map(mesh_of, solution.plan.phases))
+    errors = tuple(np.zeros(mesh.intervals) for mesh in meshes)
+    former = History(solution.plan, 4.0, meshes, errors, verified=is_verified)
+    strains = [np.zeros(mesh.intervals) for mesh in meshes]
+    finding = refinement.next_meshes(
+        model, solution.plan, meshes, Rules(), 1e-6, (4.0, 1.0), former, strains,
+        lambda plan, tolerance: False,
+    )  # fmt: skip
+    assert finding.verified is not True and finding.settled is is_verified
+    assert (finding.words == "the plan of the mesh before verified and settled") is is_verified

@@ -266,8 +266,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         if finding.meshes is None:
             return None
         history = History(
-            plan, objective, self._meshes, finding.errors, finding.accepted, finding.further
-        )
+            plan, objective, self._meshes, finding.errors, finding.accepted, finding.further,
+            bool(finding.verified),
+        )  # fmt: skip
         return self._with(_meshes=finding.meshes, _history=history, _past_rows=rows)
 
     @property

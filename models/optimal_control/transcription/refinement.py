@@ -92,7 +92,8 @@ class History:
     """Plan of the previous meshes, its objective, and the errors of its intervals per phase.
 
     `accepted` is the objective, if the plan was acceptable except for a gain predicted by the
-    Hamiltonian. `further` are the examinations that follow if the prediction was wrong.
+    Hamiltonian. `further` are the examinations that follow if the prediction was wrong. `verified` states whether
+    the plan verified: it is good enough if a finer mesh has the same objective.
     """
 
     plan: ControlPlan
@@ -101,6 +102,7 @@ class History:
     errors: tuple[Floats, ...] = ()
     accepted: float | None = None
     further: tuple[Examination, ...] = ()
+    verified: bool = False
 
 
 @dataclass(frozen=True)
@@ -199,10 +201,12 @@ def next_meshes(
             return _examined(finding, "the objective stays", accepted, former.further)
         # The examination did find a gain.
     why = ""
+    is_settled = converged and (verified or (former is not None and former.verified))
+    if is_settled:
+        which = "verified" if verified else "the plan of the mesh before verified"
+        further = _examinations(model, plan, meshes, rules, tolerance * size, former, strains)
+        return _examined(finding, f"{which} and settled", objective, further)
     if verified is not None:
-        if verified and converged:
-            further = _examinations(model, plan, meshes, rules, tolerance * size, former, strains)
-            return _examined(finding, "verified and settled", objective, further)
         # Each interval is good enough, but not all together: refine the worst further.
         limit = max(0.1 * worst, 1e-3 * limit) if not verified else max(1e-2 * limit, 1e-2 * worst)
         why = "the objective has not settled: " if verified else "the plan does not verify: "
