@@ -250,7 +250,7 @@ def _examinations(
     former: History | None,
     strains: Sequence[Floats],
 ) -> tuple[Examination, ...]:
-    """Return the examinations of a plan's optimality, each of which follows if the one before found no gain.
+    """Return the examinations of a plan's optimality; one follows if the one before found no gain.
 
     A converged objective covers neither intervals that the last meshes left unchanged nor a restriction that all
     meshes share. Intervals are cut where switching functions vanish if switches at other knots cost more than the
