@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 #: Names used by modules of other problems, in addition to the public ones.
 SHARED = (
     "lagrange.interpolation",
+    "model.cached_verification",
     "plot.curves_of",
     "plot.guessed",
     "plot.nodes_of",

@@ -8,7 +8,7 @@ from ...errors import InvalidData, NoDerivative
 from ...models.fields import show
 from ...models.optimal_control.plan import ControlPlan
 from ..contract.enums import Termination
-from .prepared import PreparedSolver, Step, prepare_control
+from .prepared import PreparedSolver, prepare_control
 from .sensitivity import Sensitivity
 
 __all__ = ["sensitivity"]
@@ -67,19 +67,15 @@ def sensitivity(solution: Any, name: str) -> Sensitivity:
         solver: PreparedSolver = prepare_control(model, tolerance=TOLERANCE, **mesh, **kept)
         step = solver(warm=plan)
         try:
-            _check_same(step, solution.primal_bound)
+            objective = solution.primal_bound
+            scale = max(step.posed.program.objective_scale, abs(objective))
+            if step.ok and not abs(step.objective - objective) <= SAME * scale:
+                raise NoDerivative(
+                    f"the program on the mesh of the plan has the objective {step.objective:.9g}, the plan "
+                    f"{objective:.9g}: the mesh does not represent the plan"
+                )
             return step.sensitivity(name)
         except NoDerivative as error:
             if number == 0:
                 first = error
     raise first
-
-
-def _check_same(step: Step, objective: float) -> None:
-    """Raise unless the step has the objective of the plan."""
-    scale = max(step.posed.program.objective_scale, abs(objective))
-    if step.ok and not abs(step.objective - objective) <= SAME * scale:
-        raise NoDerivative(
-            f"the program on the mesh of the plan has the objective {step.objective:.9g}, the plan "
-            f"{objective:.9g}: the mesh does not represent the plan"
-        )

@@ -150,8 +150,7 @@ class _Stage:
 
     @classmethod
     def of(cls, run: Run, program: Any, answer: Answer, is_late: bool = False) -> _Stage:
-        grade = _grade_late(run, answer) if is_late else _grade(run, answer)
-        return cls(run.target, program, answer, run.history, grade)
+        return cls(run.target, program, answer, run.history, _grade(run, answer, is_late))
 
     @property
     def is_close(self) -> bool:
@@ -184,33 +183,28 @@ def _ending(request: Request, limit: Limit | None, seconds: float | None) -> Lim
     return Limit.TIME if seconds is not None and seconds <= 0 else None
 
 
-def _grade_late(run: Run, answer: Answer) -> tuple[int, float]:
-    """Return the grade from the last row of the history, without the time of a verification."""
+def _grade(run: Run, answer: Answer, is_late: bool = False) -> tuple[int, float]:
+    """Return whether the answer is settled, verified, rejected or nothing, and its objective or violation.
+
+    The last row of the history decides if it `is_late`, because a verification takes time.
+    """
     if answer.point is None or answer.termination not in CLAIMS_PLAN:
         return _NOTHING, 0.0
-    is_verified = bool(run.history and run.history[-1].get("verified"))
-    return _grade_verified(answer) if is_verified else (_REJECTED, np.inf)
-
-
-def _grade_verified(answer: Answer) -> tuple[int, float]:
+    if is_late:
+        is_verified, excess = bool(run.history and run.history[-1].get("verified")), np.inf
+    else:
+        with run.clock("refine"):
+            try:
+                plan = run.decode(answer.point)
+            except InvalidData:
+                return _NOTHING, 0.0
+            checked = run.job.model.verify(plan, tolerance=run.job.verification_tolerance)
+        is_verified, excess = checked.ok, checked.excess
+    if not is_verified:
+        return _REJECTED, excess
     value = answer.primal_bound
     settled = answer.termination in (Termination.OPTIMAL, Termination.LOCALLY_OPTIMAL)
     return (_SETTLED if settled else _VERIFIED), np.inf if value is None else value
-
-
-def _grade(run: Run, answer: Answer) -> tuple[int, float]:
-    """Return whether the answer is settled, verified, rejected or nothing, and its objective or violation."""
-    if answer.point is None or answer.termination not in CLAIMS_PLAN:
-        return _NOTHING, 0.0
-    with run.clock("refine"):
-        try:
-            plan = run.decode(answer.point)
-        except InvalidData:
-            return _NOTHING, 0.0
-        checked = run.job.model.verify(plan, tolerance=run.job.verification_tolerance)
-    if not checked.ok:
-        return _REJECTED, checked.excess
-    return _grade_verified(answer)
 
 
 def _from_fixed_times(

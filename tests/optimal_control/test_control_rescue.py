@@ -132,7 +132,7 @@ def test_a_stage_is_not_graded_after_the_time_limit(monkeypatch):
     graded = []
     monkeypatch.setattr(refinement, "explodes", lambda rows: True)
     monkeypatch.setattr(rescue, "_ending", lambda request, limit, seconds: Limit.TIME)
-    monkeypatch.setattr(rescue, "_grade", lambda run, answer: graded.append(answer))
+    monkeypatch.setattr(rescue, "_grade", lambda run, answer, is_late=False: graded.append(answer))
     found = ct.solve(ct.load("optimal-control/moon-lander"))
     assert (found.termination, found.limit) == ("rejected", "time"), found.message
     assert not graded and "stages" not in found.statistics
@@ -142,7 +142,7 @@ def test_a_stage_is_not_graded_after_the_time_limit(monkeypatch):
 def test_the_history_grades_a_stage_that_ends_at_the_time_limit(verified, grade):
     run = SimpleNamespace(history=[{"verified": verified}])
     answer = Answer(Termination.FEASIBLE, point=np.zeros(1), primal_bound=2.0)
-    assert rescue._grade_late(run, answer) == grade
+    assert rescue._grade(run, answer, is_late=True) == grade
 
 
 def test_a_settled_answer_has_no_further_stage(attended):
@@ -330,7 +330,7 @@ def test_linear_controls_start_at_the_guess_and_then_at_the_best_plan(attended, 
         return INFEASIBLE if is_gauss(run) or len(attended.calls) > 2 else None
 
     monkeypatch.setattr("crosstrack.solvers.run.refinement.explodes", lambda rows: True)
-    monkeypatch.setattr(rescue, "_grade", lambda run, answer: rescued(answer))
+    monkeypatch.setattr(rescue, "_grade", lambda run, answer, is_late=False: rescued(answer))
     attended.fake = fake
     ct.solve(rest_to_rest().ocp)
     assert len(starts_of) == 2  # a third search from the same plan would repeat the second

@@ -110,7 +110,14 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         choices = ("raise", "drop", "keep")
         is_choice = isinstance(self.dependent, str) and self.dependent in choices
         self._require("dependent", is_choice, "one of 'raise', 'drop', 'keep'")
-        object.__setattr__(self, "_meshes", self._first_meshes())
+        phases = self.problem.definition.phases
+        if self.mesh is None:
+            meshes = tuple(
+                even(self.intervals, self.degree, self._knots(phase)) for phase in phases
+            )
+        else:
+            meshes = read_meshes(self.mesh, self.degree, len(phases))
+        object.__setattr__(self, "_meshes", meshes)
 
     def _require(self, name: str, condition: bool, allowed: str) -> None:
         if not condition:
@@ -118,12 +125,6 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
                 f"formulation {self.name!r}: option {name!r} must be {allowed}, "
                 f"got {show(getattr(self, name))}"
             )
-
-    def _first_meshes(self) -> tuple[Mesh, ...]:
-        phases, degree = self.problem.definition.phases, self.degree
-        if self.mesh is None:
-            return tuple(even(self.intervals, degree, self._knots(phase)) for phase in phases)
-        return read_meshes(self.mesh, degree, len(phases))
 
     def _knots(self, phase: Phase) -> tuple[float, ...]:
         """Return the interior instants of a phase, at which intervals of the first mesh end.
@@ -287,7 +288,9 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
         transcription = other(self.problem, dependent=self.dependent, most_nodes=self.most_nodes)
         meshes, fixed = self._meshes, other.rules.fixed_degree
         if fixed is not None:
-            meshes = tuple(mesh.with_degree(fixed) for mesh in meshes)
+            meshes = tuple(
+                Mesh(mesh.fractions, np.full(mesh.intervals, fixed), mesh.calm) for mesh in meshes
+            )
         return transcription._with(
             _meshes=meshes, _start=interpolate(self.layout, point), _history=None
         )

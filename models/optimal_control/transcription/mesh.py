@@ -96,10 +96,6 @@ class Mesh:
         degrees, quiet = np.repeat(self.degrees, parts), np.repeat(quiet, parts)
         return Mesh(fractions, degrees, quiet, self.linear)
 
-    def with_degree(self, degree: int) -> Mesh:
-        """Return the mesh with `degree` nodes on every interval."""
-        return Mesh(self.fractions, np.full(self.intervals, degree), self.calm)
-
     @property
     def calm_rows(self) -> NDArray[np.int64]:
         """Number of Legendre coefficients of a control that vanish, per interval."""
