@@ -103,13 +103,17 @@ def _through(pieces: Iterable[Piece], windows: Spans) -> list[Piece]:
     return result
 
 
-def earliest_returns(model: RichData, vehicle: int, route: Sequence[int]) -> list[Piece]:
+def earliest_returns(
+    model: RichData, vehicle: int, route: Sequence[int], *, returned: bool = True
+) -> list[Piece]:
     """Return the pieces of the earliest return of a route by its departure; empty without a schedule.
 
     All limits on times hold: windows, releases, the shift and the duration. The arguments are those of
-    :func:`schedule_route`; the route has at least one node.
+    :func:`schedule_route`; the route has at least one node. Unless `returned`, the route ends with the service of
+    its last node.
     """
     release, stops = _stops(model, vehicle, route)
+    stops = stops if returned else stops[: len(route)]
     begin, end = (0.0, math.inf) if model.shifts is None else model.shifts[vehicle].tolist()
     home = None if model.windows is None else model.windows[int(model.homes[vehicle])]
     spans = ((-math.inf, math.inf),) if home is None else home

@@ -186,13 +186,10 @@ class Posed:
         return matrix
 
     def _lacking(self, skills: frozenset[str] | None) -> list[int]:
-        """Return the nodes that vehicles with `skills` must not visit."""
-        known = skills or frozenset()
-        return [
-            node
-            for node, names in enumerate(self.model.requires or ())
-            if not known.issuperset(names)
-        ]
+        """Return the locations of nodes and reloads that vehicles with `skills` must not visit."""
+        requires, known = self.model.requires, skills or frozenset()
+        stops = [(node, node) for node in self.model.customers.tolist()] + self.reloads
+        return [place for place, node in stops if requires and not known.issuperset(requires[node])]
 
     def _durations(self, speed: float) -> Ints:
         if not self.model.has_times:

@@ -11,6 +11,8 @@ Tours are computed by the dynamic program of M. Held and R. M. Karp, "A dynamic 
 sequencing problems", Journal of SIAM 10, 1962, once per depot. A second program over subsets assigns
 them to vehicles.
 
+For rich fleets, :mod:`.rich_tours` computes the tours, and sets without optional nodes are complete, too.
+
 A set is a whole number with one bit per node. ``tours[k, S]`` is the length of the shortest route of
 vehicle k through S, infinite if the route is infeasible.
 """
@@ -24,12 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import clock, kernel
-from ...models.fleet.checks import LIMITS, loads_of, objective_of
+from ...models.fleet.checks import LIMITS, value_of
 from ...models.fleet.data import LEXICOGRAPHIC, Deviation, FleetData, Objective
+from ...models.fleet.features import FEATURES
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
 from ..contract.backend import Answer, Feature, Guarantee, Limit, Request, Termination
 from .bound import trip_bound
+from .rich_tours import best_routes, refuse_rich, value_of_sets
 from .rivals import FleetBackend
 from .start import first_plan
 
@@ -52,6 +56,7 @@ class SubsetDP(FleetBackend):
     """Exact solver: Held and Karp's tours of all subsets, assigned to vehicles by dynamic programming."""
 
     name = "subset-dp"
+    rich = frozenset(FEATURES)
     guarantee = Guarantee.EXACT
     features = frozenset({Feature.GAP, Feature.INCUMBENTS, Feature.DUAL_BOUND, Feature.INTERRUPT})
     deterministic = True
@@ -60,7 +65,7 @@ class SubsetDP(FleetBackend):
 
     def refuses(self, problem: Any) -> str:
         """Return the reason for refusal, "" for a supported model: features, size, or a detour may pay."""
-        if reason := super().refuses(problem):
+        if problem.is_rich and (reason := refuse_rich(problem)):
             return reason
         size, vehicles = len(problem.customers), problem.vehicles
         if max(size, vehicles) > MOST:
@@ -139,15 +144,25 @@ class _Search:
     def __init__(self, model: FleetRouting, request: Request) -> None:
         self.model, self.control = model, request.control
         self.plan: FleetPlan | None = None
-        self.value, self.bound, self.done = math.inf, trip_bound(model), False
-        self.floor = self.bound
+        self.value, self.done = math.inf, False
+        self.bound = self.floor = -math.inf if model.is_rich else trip_bound(model)
         self.statistics: dict[str, float | int | str] = {"programs over subsets": 0}
         self.ways: dict[int, tuple[Floats, Floats]] = {}
-        customers, homes = model.customers, model.homes
+        self.routes: list[dict[int, tuple[int, ...]]] = []
+        n = model.customers.size
+        #: Value of each set of visited nodes: negative prizes, inf if a node is missing.
+        self.values = np.full(2**n, math.inf)
+        self.values[-1] = 0.0
+        self.tours = np.empty((model.vehicles, 2**n))
+        self.sums = np.empty((model.vehicles + 1, 2**n))
+        self.choice = np.empty((model.vehicles, 2**n), np.int64)
+
+    def _shortest(self) -> None:
+        """Fill the table of the tours of a plain fleet."""
+        model, customers = self.model, self.model.customers
         n = customers.size
         bits = (np.arange(2**n)[:, None] >> np.arange(n)) & 1
-        self.tours = np.empty((model.vehicles, 2**n))
-        for k, home in enumerate(homes.tolist()):
+        for k, home in enumerate(model.homes.tolist()):
             if home not in self.ways:
                 nodes = np.append(customers, home)
                 distances = model.distances[np.ix_(nodes, nodes)]
@@ -162,18 +177,32 @@ class _Search:
             if model.use_all:
                 tours[0] = np.inf
             self.tours[k] = tours
-        self.sums = np.empty((model.vehicles + 1, 2**n))
-        self.choice = np.empty((model.vehicles, 2**n), np.int64)
+
+    def _rich(self) -> bool:
+        """Fill the table of the tours of a rich fleet; return False after a stop."""
+        tables = best_routes(self.model, lambda: self.control.stopped)
+        if tables is None:
+            return False
+        self.tours[:], self.routes = (
+            np.array([table[0] for table in tables]),
+            [table[1] for table in tables],
+        )
+        self.values = value_of_sets(self.model)
+        return True
 
     def solve(self) -> None:
         """Find the best plan; `done` remains False after a stop."""
         objective = self.model.objective
-        self._start()
+        if not self.model.is_rich:
+            self._shortest()
+            self._start()
+        elif not self._rich():
+            return
         least = self._sum(math.inf)
         if least is None:
             return
         self.bound = least  # bound on the sum; replaced below for other objectives
-        if objective in (Objective.MAX, Objective.LEXICOGRAPHIC):
+        if objective in (Objective.MAX, Objective.LEXICOGRAPHIC, Objective.MAKESPAN):
             self.bound = self.floor
             if math.isfinite(least) and not self._longest(least):
                 return
@@ -197,12 +226,13 @@ class _Search:
         self.statistics["programs over subsets"] = int(self.statistics["programs over subsets"]) + 1
         if not least_sums(self.tours, limit, self.sums, self.choice, self.control.flag):
             return None
-        full = self.tours.shape[1] - 1
-        least = float(self.sums[0, full])
+        totals = self.sums[0] + self.values
+        best = int(np.argmin(totals))
+        least = float(totals[best])
         if model.budget is not None and least > model.budget * (1 + _ROUNDING):
             return math.inf
         if math.isfinite(least):
-            owned, left = [], full
+            owned, left = [], best
             for k in range(model.vehicles):
                 owned.append(int(self.choice[k, left]))
                 left ^= owned[-1]
@@ -212,14 +242,16 @@ class _Search:
     def _offer(self, owned: list[int]) -> None:
         """Make the plan with the sets `owned` the incumbent if it is better."""
         routes = tuple(self._route(k, entry) for k, entry in enumerate(owned))
-        plan = FleetPlan(routes)
-        value = objective_of(self.model, loads_of(self.model, plan))
-        if value < self.value:
+        plan = self.model.with_schedule(routes)
+        value = value_of(self.model, plan)
+        if value is not None and value < self.value:
             self.plan, self.value = plan, value
             self.control.incumbent(value, plan)
 
     def _route(self, k: int, owned: int) -> tuple[int, ...]:
         """Return the shortest tour of vehicle k through the set `owned`."""
+        if self.routes:
+            return self.routes[k][owned]
         ways, distances = self.ways[int(self.model.homes[k])]
         at, route = len(distances) - 1, list[int]()
         while owned:

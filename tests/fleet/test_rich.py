@@ -342,7 +342,7 @@ def test_backends_name_the_features_that_they_lack():
     model = timed(
         windows=[None, (0, 9), None, None], requires=[[], ["a"], [], []], skills=[["a"], []]
     )
-    for name in ("subset-dp", "fleet-search", "tpha"):
+    for name in ("fleet-search", "tpha"):
         with pytest.raises(UnsupportedFormulation, match="windows, requires, skills"):
             ct.solve(model, name)
     for name in ("two-index", "three-index"):

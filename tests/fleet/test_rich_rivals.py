@@ -313,16 +313,17 @@ def test_auto_selects_column_generation_without_other_packages() -> None:
 @pytest.mark.parametrize(
     ("fields", "text"),
     [
-        ({"releases": [0, 1, 2, 3]}, r"needs pyvrp: pip install 'crosstrack\[routing\]'"),
-        ({"objective": "makespan"}, r"needs ortools: pip install 'crosstrack\[ortools\]'"),
+        ({"releases": np.arange(12)}, r"needs pyvrp: pip install 'crosstrack\[routing\]'"),
+        ({"objective": "makespan", "service": np.ones(12)}, r"needs ortools: pip install 'crosstrack\[ortools\]'"),
         (
-            {"stations": [3], "battery": 9.0, "objective": "range", "deviation_limit": 1.0, "windows": [(0, 9), None, None, None]},
+            {"stations": [3], "battery": 9.0, "objective": "range", "deviation_limit": 1.0, "windows": [(0, 9), *[None] * 11]},
             "needs ortools",
         ),
     ],
 )  # fmt: skip
 def test_auto_names_the_package_of_a_backend_for_a_rich_fleet(fields: Any, text: str) -> None:
-    model = FleetRouting(2, points=SQUARE, **{"objective": "sum"} | fields)
+    points = np.random.default_rng(0).random((12, 2))  # too many nodes for subset-dp
+    model = FleetRouting(2, points=points, **{"objective": "sum"} | fields)
     with pytest.raises(UnsupportedFormulation, match=text):
         ct.solve(model)
 
@@ -331,7 +332,7 @@ def test_auto_names_what_each_backend_lacks() -> None:
     points = np.random.default_rng(0).random((3001, 2))
     model = FleetRouting(2, points=points, objective="makespan")
     reasons = [
-        "'subset-dp' does not cover",
+        "'subset-dp' does not cover rich fleets with more than 8 nodes",
         "'pyvrp' does not cover makespan",
         "more than 3000 nodes",
     ]
@@ -346,7 +347,8 @@ def test_auto_prefers_proofs_of_small_fleets_then_pyvrp_then_ortools() -> None:
     for points, objective, name in (
         (SQUARE, "cost", "column-generation"),
         (many, "cost", "pyvrp"),
-        (SQUARE, "makespan", "ortools-routing"),
+        (SQUARE, "makespan", "subset-dp"),
+        (many, "makespan", "ortools-routing"),
     ):
         fields: dict[str, Any] = {"points": points, "service": np.ones(len(points))}
         assert recommended(FleetRouting(2, objective=objective, **fields)).name == name

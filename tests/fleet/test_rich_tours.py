@@ -1,0 +1,105 @@
+"""The exact program over subsets of rich fleets: against enumeration, with stops, and its limits."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from fleet.rich_oracle import enumerate_best, reject
+from fleet.rich_random import scaled, supported
+
+import crosstrack as ct
+from crosstrack.errors import UnsupportedFormulation
+from crosstrack.models import FleetRouting
+from crosstrack.solvers import Termination
+from crosstrack.solvers.fleet.rich_tours import best_routes
+
+SQUARE = [[0, 0], [3, 0], [0, 4], [5, 5]]
+
+
+def solved(model):
+    return ct.solve(model, "subset-dp")
+
+
+@pytest.mark.parametrize("count", [10, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e6])
+def test_equals_enumeration(count, scale):
+    feasible = 0
+    for model in itertools.islice(supported("subset-dp", itertools.count()), count):
+        best, plan = enumerate_best(model)
+        answer = solved(scaled(model, scale) if scale != 1.0 else model)
+        if plan is None and answer.plan is None:
+            assert answer.termination is Termination.INFEASIBLE
+            continue
+        assert answer.termination is Termination.OPTIMAL
+        assert answer.dual_bound == pytest.approx(answer.primal_bound, rel=1e-9, abs=1e-9 * scale)
+        assert scale != 1.0 or reject(model, answer.plan) == []
+        # The enumeration visits one reload and one station at most once per route.
+        limit = scale * (best + 1e-6 * max(1.0, abs(best)))
+        assert answer.primal_bound <= limit
+        if not model.stations:
+            assert answer.primal_bound == pytest.approx(scale * best, rel=1e-6, abs=1e-6 * scale)
+        feasible += 1
+    assert feasible > count / 3
+
+
+def test_a_route_visits_several_reloads_and_a_station():
+    model = FleetRouting(
+        1, costs=10.0 * (1 - np.eye(5)), objective="sum", demands=[0, 2, 2, 2, 0], capacity=2,
+        reloads=[0], battery=40, stations=[4],
+    )  # fmt: skip
+    answer = solved(model)
+    assert answer.termination is Termination.OPTIMAL
+    assert answer.plan.routes[0].count(0) == 2
+    assert answer.plan.routes[0].count(4) == 1
+    assert answer.primal_bound == 70.0
+
+
+def test_every_objective_of_a_timed_fleet():
+    fields = {"points": SQUARE, "service": [0, 1, 2, 3], "windows": [None, (0, 4), None, (9, 11)]}
+    for objective in ("sum", "max", "max-sum", "cost", "makespan"):
+        model = FleetRouting(2, objective=objective, **fields)
+        best, _ = enumerate_best(model)
+        assert solved(model).primal_bound == pytest.approx(best)
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"points": np.random.default_rng(0).random((10, 2))}, "more than 8 nodes .* got 9 and 0"),
+        ({"reloads": [0], "points": np.random.default_rng(0).random((9, 2))}, "got 8 and 1"),
+        ({"objective": "makespan", "budget": 30}, "a budget with the objective 'makespan'"),
+        ({"objective": "sum-deviation", "q": 1.0}, "the objective 'sum-deviation'"),
+        ({"range_limit": 3}, "range_limit"),
+    ],
+)  # fmt: skip
+def test_refuses_by_name(fields, reason):
+    model = FleetRouting(2, **{"points": SQUARE, "objective": "sum", "shifts": (0, 99)} | fields)
+    with pytest.raises(UnsupportedFormulation, match=reason):
+        solved(model)
+
+
+def test_a_stop_ends_the_labels():
+    model = FleetRouting(2, points=SQUARE, objective="sum", shifts=(0, 99))
+    assert best_routes(model, lambda: True) is None
+    (values, routes), _ = best_routes(model, lambda: False)
+    assert routes[0] == () and values[0] == 0.0 and math.isfinite(values[7])
+
+
+@pytest.mark.parametrize("name", ["subset-dp", "pyvrp"])
+def test_a_depot_requires_no_skills(name):
+    if name == "pyvrp":
+        pytest.importorskip("pyvrp", reason="PyVRP is not installed")
+    model = FleetRouting(
+        1, points=SQUARE, objective="sum", requires=[["lift"], [], ["saw"], []], skills=[["saw"]]
+    )
+    answer = ct.solve(model, name, **({"seed": 1} if name == "pyvrp" else {}))
+    assert answer.primal_bound == pytest.approx(
+        ct.solve(FleetRouting(1, points=SQUARE)).primal_bound
+    )
+    # A reload is a node of the route, and requires its skills.
+    barred = FleetRouting(
+        1, points=SQUARE, objective="sum", requires=[["lift"], [], [], []], skills=[[]],
+        reloads=[0], demands=[0, 2, 2, 2], capacity=4,
+    )  # fmt: skip
+    assert ct.solve(barred, name, **({"seed": 1} if name == "pyvrp" else {})).plan is None
