@@ -32,7 +32,8 @@ FOREVER = 2**42
 ARC = 2**21
 #: Largest whole number for the cost of one arc, and for a fixed cost or the sum of all prizes.
 MOST_ARC, MOST_COST = 2**36, 2**48
-#: Sum of loads without a common unit. PyVRP multiplies overloads with at most 2^25, which must fit in 63 bits.
+#: Largest sum of the loads of all dimensions. PyVRP multiplies overloads with at most 2^25, and the sum of these
+#: penalties must fit in 63 bits.
 LOADS = 2**36
 #: Largest relative excess of a capacity by rounding: a tenth of the tolerance of the verification.
 EXCESS = 1e-7
@@ -188,11 +189,14 @@ def list_backhauls(model: FleetRouting) -> tuple[Ints, Ints]:
     return model.customers[~last], model.customers[last]
 
 
-def _decimal_scale(values: Floats, total: float) -> float | None:
-    """Return the least power of 10 that makes `values` whole numbers, None if it exceeds six digits."""
+def _decimal_scale(values: Floats, total: float, most: float) -> float | None:
+    """Return the least power of 10 that makes `values` whole numbers with a sum of at most `most`, or None.
+
+    It has at most six digits.
+    """
     for factor in 10.0 ** np.arange(7):
         whole = np.rint(values * factor)
-        if total * factor < 2**40 and np.allclose(whole, values * factor, rtol=1e-12, atol=0.0):
+        if total * factor <= most and np.allclose(whole, values * factor, rtol=1e-12, atol=0.0):
             return float(factor)
     return None
 
@@ -201,7 +205,7 @@ def whole_loads(model: FleetRouting) -> tuple[Ints, Ints, Ints, Ints]:
     """Return whole-number deliveries, pickups, amounts of pairs, and capacities of the vehicles.
 
     Loads are rounded up, and capacities down to at most the sum of all amounts. Loads without a common unit
-    are scaled to the sum :data:`LOADS`; a capacity then has one more unit for each load that fits, if this
+    are scaled to the sum :data:`LOADS` divided by the number of dimensions; a capacity then has one more unit for each load that fits, if this
     exceeds the capacity by at most :data:`EXCESS`. Each row has one number per dimension. Deliveries and
     pickups are from and to the depot, and 0 at the nodes of pairs.
     """
@@ -221,14 +225,16 @@ def whole_loads(model: FleetRouting) -> tuple[Ints, Ints, Ints, Ints]:
         [*(np.where(is_fetched(model)[:, None], 0.0, rows) for rows in given), amounts]
     )
     whole, limits = np.zeros(loads.shape, np.int64), np.zeros(capacity.shape, np.int64)
+    most = LOADS / capacity.shape[1]
     for column in range(capacity.shape[1]):
         total = float(loads[:, column].sum())
         # Loads without few decimals may be multiples of the least one, such as thirds.
         least = float(loads[:, column].min(initial=np.inf, where=loads[:, column] > 0))
         unit = 1.0 if math.isinf(least) else max(least, 1e-290)
-        multiple = _decimal_scale(loads[:, column] / unit, total / unit)
-        exact = _decimal_scale(loads[:, column], total) or (multiple / unit if multiple else None)
-        scale = exact or LOADS / max(total, 1e-290)
+        multiple = _decimal_scale(loads[:, column] / unit, total / unit, most)
+        exact = _decimal_scale(loads[:, column], total, most)
+        exact = exact or (multiple / unit if multiple else None)
+        scale = exact or most / max(total, 1e-290)
         whole[:, column] = round_up(loads[:, column], scale)
         limits[:, column] = round_down(capacity[:, column], scale)
         if exact is None:

@@ -49,3 +49,20 @@ def test_pyvrp_fills_vehicles_exactly(seeds: range) -> None:
         else:
             assert model.verify(answer.plan, tolerance=1e-11).ok
     assert len(missed) <= len(seeds) // 50, missed
+
+
+@pytest.mark.parametrize("dimensions", [1, 3, 8])
+@pytest.mark.parametrize("unit", [1.0, 1e-6, 7.3e3])
+def test_overloads_times_the_largest_penalty_fit_in_63_bits(dimensions: int, unit: float) -> None:
+    """Whole loads up to 2^39 would be exact, but PyVRP multiplies their excess with at most 2^25."""
+    rng = np.random.default_rng(dimensions)
+    demands = unit * rng.integers(2**35, 2**36, (9, dimensions)).astype(float)
+    demands[0] = 0.0
+    model = FleetRouting(
+        2, points=rng.random((9, 2)), objective="sum", service=np.ones(9), demands=demands,
+        capacity=np.tile(demands.sum(axis=0) / 2, (2, 1)),
+    )  # fmt: skip
+    whole, _, _, limits = whole_loads(model)
+    assert int(whole.sum()) * 2**25 < 2**63
+    assert int(limits.sum()) < 2**38
+    assert (whole[1:] > 2**29).all()  # the resolution of a load
