@@ -41,7 +41,7 @@ from crosstrack import jit
 jit._left = float(sys.argv[1])
 from crosstrack.instances.error_correction.generator import random_small
 answers = []
-for seed in range(24):
+for seed in range(16):
     model = random_small(3 + seed % 6, seed, revisits=seed % 2 == 0)
     for name in {names}[: 5 if seed % 2 else 1]:
         answer = ct.solve(model, name, isolate=False)
@@ -66,7 +66,7 @@ def test_compiled_and_interpreted_are_the_same():
     ]  # fmt: skip
     compiled, interpreted = map(json.loads, outputs)
     assert compiled == interpreted
-    assert len(compiled) == 12 * 5 + 12
+    assert len(compiled) == 8 * 5 + 8
 
 
 def test_same_instance_same_plan():
@@ -103,8 +103,8 @@ def test_a_stopped_search_proves_nothing(name):
 
 @pytest.mark.parametrize("name", [*EXACT, "labelling"])
 def test_a_time_limit_is_kept_on_long_searches(name):
-    """Twenty thousand points with an unreachable B, which needs a long search without a test for it."""
-    model = replace(uniform_slab(20_000, (10, 10, 10, 10, 10), seed=3), theta=1e-6)
+    """Twelve thousand points with an unreachable B, which needs a long search without a test for it."""
+    model = replace(uniform_slab(12_000, (10, 10, 10, 10, 10), seed=3), theta=1e-6)
     begin = time.perf_counter()
     answer = ct.solve(model, name, time_limit=0.2)
     assert time.perf_counter() - begin < 8
@@ -225,7 +225,7 @@ def test_diagnosis_of_a_forbidden_revisit():
     assert ct.diagnose(ErrorCorrectionRouting(**TINY, revisits=True)).feasible is True
 
 
-@pytest.mark.parametrize("count", [2, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [1, pytest.param(4, marks=pytest.mark.slow)])
 def test_deletion_filter_finds_an_irreducible_set(count):
     """Leaving out any one of the blocks it names makes the program feasible."""
     checked = 0

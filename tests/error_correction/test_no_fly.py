@@ -88,7 +88,7 @@ def test_a_leg_crosses_the_open_interior(case, scale):
 def test_the_fast_decision_equals_the_exact_one(scale):
     """For all pairs of whole points, some of them inside, on edges or at corners of two polygons."""
     draw = np.random.default_rng(7)
-    points = scale * np.column_stack([draw.integers(0, 9, (30, 2)), draw.random(30)])
+    points = scale * np.column_stack([draw.integers(0, 9, (20, 2)), draw.random(20)])
     hole = np.array([[3, 3], [5, 3], [5, 5]])
     zones = Polygons().coerce(
         "no_fly",
@@ -97,10 +97,10 @@ def test_the_fast_decision_equals_the_exact_one(scale):
         {},
     )  # fmt: skip
     free = free_legs(points, zones)
-    for i, j in itertools.combinations(range(30), 2):
+    for i, j in itertools.combinations(range(20), 2):
         wanted = not any(crosses(points[i], points[j], zone) for zone in zones)
         assert free[i, j] == free[j, i] == wanted, (i, j)
-    assert 50 < free.sum() / 2 < 385 and not free.diagonal().any()
+    assert 30 < free.sum() / 2 < 160 and not free.diagonal().any()
 
 
 def test_a_hole_is_free():

@@ -81,7 +81,7 @@ def test_the_real_routes_satisfy_the_papers_program(row):
     assert found.objective == pytest.approx(ROWS[row][1], abs=6e-4)
 
 
-@pytest.mark.parametrize("rows", [(1, 8), pytest.param(range(1, 13), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rows", [(1,), pytest.param(range(1, 13), marks=pytest.mark.slow)])
 def test_rows_by_seed_have_equal_results(rows):
     models = [ct.load(f"error-correction/{row}") for row in rows]
     start = [ct.solve(model) for model in models]
@@ -89,7 +89,7 @@ def test_rows_by_seed_have_equal_results(rows):
     agreed(models, backends, time_limit=100, warm_start=start)
 
 
-@pytest.mark.parametrize("last", [2, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("last", [1, pytest.param(6, marks=pytest.mark.slow)])
 def test_the_papers_program_proves_its_small_rows(last):
     models = [ct.load(f"error-correction/{row}") for row in range(1, last + 1)]
     agreed(models, ["label-setting", "highs:paper"], time_limit=100)

@@ -64,7 +64,7 @@ def drawn(kind, step=1):
 
 
 #: Every tenth instance in the fast tests, all in the slow ones.
-steps = pytest.mark.parametrize("step", [10, pytest.param(1, marks=pytest.mark.slow)])
+steps = pytest.mark.parametrize("step", [20, pytest.param(1, marks=pytest.mark.slow)])
 
 
 @cache

@@ -206,7 +206,7 @@ def test_bounds_of_public_files_are_below_the_best_known(name, vehicles, known):
 
 
 def test_reports_incumbents_and_bounds():
-    points = np.random.default_rng(0).random((20, 2))
+    points = np.random.default_rng(0).random((14, 2))
     model = FleetRouting(4, points=points, objective="max")
     bounds, plans = [], []
 
@@ -231,7 +231,7 @@ def test_stops_at_once_and_keeps_the_warm_start():
     model = FleetRouting(3, points=points, objective="max")
     steps = {"steps": 500, "bound": False}
     warm = ct.solve(model, "fleet-search", backend_options=steps, seed=2).plan
-    result = ct.solve(model, "column-generation", time_limit=0.6, warm_start=warm)
+    result = ct.solve(model, "column-generation", time_limit=0.3, warm_start=warm)
     assert result.primal_bound <= model.verify(warm).objective
     assert result.dual_bound <= result.primal_bound
 

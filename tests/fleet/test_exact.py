@@ -55,7 +55,7 @@ def fits(formulation, plan):
 # -- against enumeration -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", [*range(1, 9), 60, 107, 116, 129, 323])
+@pytest.mark.parametrize("seed", [*range(1, 9, 2), 60, 107, 116, 129, 323])
 def test_three_index_equals_enumeration(seed):
     model = random_fleet(seed)
     value, plan = best(model)
@@ -73,7 +73,7 @@ def test_three_index_equals_enumeration_often(seed):
     test_three_index_equals_enumeration(seed)
 
 
-@pytest.mark.parametrize("seed", range(50))
+@pytest.mark.parametrize("seed", range(25))
 def test_subset_dp_equals_enumeration(seed):
     model = replace(random_fleet(1000 + seed), deviation_limit=None, range_limit=None)
     if model.objective == "range":
@@ -84,7 +84,7 @@ def test_subset_dp_equals_enumeration(seed):
     settled(model, ct.solve(model, "subset-dp"), best(model)[0])
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 def test_two_index_equals_enumeration(seed):
     rng = np.random.default_rng(seed)
     points = np.round(rng.random((int(rng.integers(2, 7)), 2)) * 4) * 10.0 ** rng.integers(-3, 6)

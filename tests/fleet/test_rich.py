@@ -42,7 +42,7 @@ def random_plan(rng, model):
 
 
 @pytest.mark.parametrize(
-    "block", [0, 3, *(pytest.param(block, marks=pytest.mark.slow) for block in (1, 2))]
+    "block", [0, *(pytest.param(block, marks=pytest.mark.slow) for block in (1, 2, 3))]
 )
 def test_verifies_optima_of_the_enumeration(block):
     feasible = 0

@@ -76,7 +76,7 @@ def test_a_node_that_longer_routes_serve_is_no_reason(fields: dict[str, Any]) ->
 
 @pytest.mark.parametrize(
     "seeds",
-    [range(150), pytest.param(range(150, 4000), marks=pytest.mark.slow)],
+    [range(70), pytest.param(range(70, 4000), marks=pytest.mark.slow)],
     ids=["few", "many"],
 )
 def test_fleets_with_a_node_that_no_vehicle_serves_have_no_plan(seeds: range) -> None:

@@ -47,8 +47,8 @@ def solved(model: FleetRouting, name: str, **more: Any) -> Any:
 @pytest.mark.parametrize(
     ("name", "count"),
     [
-        ("pyvrp", 20),
-        ("ortools-routing", 12),
+        ("pyvrp", 12),
+        ("ortools-routing", 6),
         pytest.param("pyvrp", 300, marks=pytest.mark.slow),
         pytest.param("ortools-routing", 150, marks=pytest.mark.slow),
     ],

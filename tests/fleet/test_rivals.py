@@ -183,7 +183,7 @@ def test_limits_are_honoured() -> None:
         "tpha": {"generations": 10**6},
     }
     for name, options in long.items():
-        found = ct.solve(model, name, time_limit=0.25, backend_options=options)
+        found = ct.solve(model, name, time_limit=0.1, backend_options=options)
         assert found.verification.ok, name
         assert found.limit is Limit.TIME, name
         assert found.seconds["solve"] < 2.0, name
@@ -267,8 +267,8 @@ def test_no_plan_betters_the_best_of_all_and_yardsticks_find_it(case: str) -> No
 def test_yardsticks_stop_in_time(name: str) -> None:
     pytest.importorskip(YARDSTICKS[name], reason=f"{name} is not installed")
     for objective in ("max", "sum"):
-        points = np.random.default_rng(2).random((200, 2))
-        found = ct.solve(FleetRouting(8, points=points, objective=objective), name, time_limit=0.4)
+        points = np.random.default_rng(2).random((60, 2))
+        found = ct.solve(FleetRouting(8, points=points, objective=objective), name, time_limit=0.25)
         assert found.verification.ok
         assert found.limit is Limit.TIME
         assert found.seconds["solve"] < 2.5

@@ -67,7 +67,7 @@ def test_routes_are_never_worse_than_proven_nor_below_a_bound(
 
 def test_the_plan_does_not_depend_on_the_number_of_threads():
     model = scattered(30, 3)
-    options = {"patience": 1, "steps": 500}
+    options = {"patience": 1, "steps": 200}
     plans = [
         ct.solve(
             model, "fleet-search", seed=7, threads=threads, backend_options=options
@@ -146,7 +146,7 @@ def test_the_farthest_node_proves_that_routes_are_optimal():
 
 def test_a_time_limit_is_kept_by_large_fleets():
     model = scattered(600, 5)
-    found = ct.solve(model, "fleet-search", time_limit=0.5)
+    found = ct.solve(model, "fleet-search", time_limit=0.2)
     assert found.verified
     assert found.limit is Limit.TIME
     assert found.seconds["solve"] < 10.0

@@ -158,7 +158,7 @@ def test_pictures_of_every_size(tmp_path):
     wide = posed((0, 0), (0, 399), ["." * 400])
     high = posed((0, 0), (399, 0), ["."] * 400)
     cells = [model.map.blocked.size for model in (wide, high)]
-    for model in (wide, high, GridPath(maze(501, 601, 1), np.array([1, 1]), np.array([499, 599]))):
+    for model in (wide, high, GridPath(maze(201, 301, 1), np.array([1, 1]), np.array([199, 299]))):
         figure = ct.plot(model)
         figure.savefig(tmp_path / "a.png", dpi=30)
         assert (np.array(figure.get_size_inches()) < 8).all()

@@ -10,7 +10,7 @@ from crosstrack.solvers.contract.backend import Request
 from crosstrack.solvers.grid_path.exact import AStar, Dijkstra, JumpPoint
 
 #: Scenarios of each map that are solved in every run of the tests.
-SAMPLE = 25
+SAMPLE = 12
 
 
 def mismatches(grid, cases, *backends):

@@ -44,7 +44,7 @@ def lengths_from(grid, start, diagonal, weights=None):
     return far.reshape(grid.shape)
 
 
-@pytest.mark.parametrize("count", [1000, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [400, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_random_queries_equal_dijkstra(count):
     rng = np.random.default_rng(5)
     queries = none = 0
@@ -85,7 +85,7 @@ def test_scenarios_have_their_published_lengths(name):
 
 @given(st.integers(0, 2**32 - 1))
 @settings(
-    max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_changed_maps_equal_fresh_preparations(seed):
     """Paths, distances and proofs of infeasibility are those of a new preparation."""

@@ -159,7 +159,7 @@ def test_mean_excess_over_the_optimum(name):
     """Within 0.5 % in the mean over scenarios of shared maps."""
     grid, cases = movingai(name)
     excess = []
-    for start, goal, _ in cases[:: len(cases) // 12]:
+    for start, goal, _ in cases[:: len(cases) // 8]:
         model = GridPath(grid, start, goal, connectivity="any")
         best = ct.solve(model, "any-angle").primal_bound
         found = ct.solve(model, "shortcut-visibility").primal_bound

@@ -176,8 +176,8 @@ def test_a_stop_keeps_the_plan():
 
 def test_the_time_limit_is_respected():
     control = Control()
-    control.arm(0.5)
-    answer = solve(chains_tour(20, 20, 1), control=control, time_limit=0.5)
+    control.arm(0.2)
+    answer = solve(chains_tour(20, 20, 1), control=control, time_limit=0.2)
     assert (answer.termination, answer.limit) == (Termination.FEASIBLE, Limit.TIME)
 
 
@@ -220,6 +220,6 @@ def test_a_large_relation_is_no_worse_than_merged_chains():
     pairs = np.column_stack([first, second])[first < second]
     model = GuidedPathTour(np.append(0, rng.integers(-(10**9), 10**9, 900)), precedence=pairs)
     merged = InsertIndex().run(model, Request(options={"passing": True}))
-    answer = solve(model, states=1, time_limit=1.0)
+    answer = solve(model, states=1, time_limit=0.4)
     assert answer.primal_bound <= merged.primal_bound
     assert 0.0 < answer.dual_bound <= answer.primal_bound

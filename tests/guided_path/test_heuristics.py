@@ -65,7 +65,7 @@ def built(loop, model, chains):
 
 @each
 def test_tours_are_verified_and_no_shorter_than_the_shortest(backend):
-    for seed in range(300):
+    for seed in range(120):
         model = random_tour([seed, 5])
         plain, left = (answered(backend, model, **one) for one in ({}, {"passing": True}))
         assert (
@@ -86,12 +86,12 @@ def test_drawn_tours(model):
 @pytest.mark.parametrize("backend", [InsertNearest, InsertIndex], ids=lambda one: one.name)
 def test_two_chains_are_merged_to_the_optimum(backend):
     count = 0
-    for seed in range(200):
+    for seed in range(100):
         model = random_tour([seed, 6], most=7)
         if len(reduced(model, passing=False)[0].cover) <= 2:
             count += 1
             assert abs(answered(backend, model).primal_bound - best(model)) <= close(model)
-    assert count > 100
+    assert count > 50
 
 
 def test_merged_walks_are_feasible_and_of_two_chains_the_shortest():
@@ -118,8 +118,8 @@ def test_merged_walks_are_feasible_and_of_two_chains_the_shortest():
 
 
 def test_mean_lengths_of_merging_and_greedy_insertion():
-    """20 seeds of 6 chains of 5: merging is within 6 % of the optimum, greedy insertion is not."""
-    models = [chains_tour(6, 5, seed) for seed in range(20)]
+    """8 seeds of 6 chains of 5: merging is within 6 % of the optimum, greedy insertion is not."""
+    models = [chains_tour(6, 5, seed) for seed in range(8)]
     names = (DynamicProgramming(), "insert-nearest", "insert-index", "greedy")
     lengths = np.array(
         [[run.primal_bound for run in ct.compare(models, [n]).solutions] for n in names]

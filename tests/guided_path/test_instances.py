@@ -148,7 +148,7 @@ def holds(word, part):
 WORDS = st.lists(st.text("ab", max_size=4), min_size=1, max_size=3)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(words=WORDS)
 def test_the_shortest_tour_is_the_shortest_supersequence(words):
     model = supersequence_tour(words)

@@ -20,9 +20,9 @@ NAME = "resource-labelling"
 @pytest.mark.parametrize("draw", [random_model, random_branches])
 @pytest.mark.parametrize("revisits", [False, True])
 def test_labelling_finds_the_shortest_route(draw, revisits):
-    """360 models in all: ties, lengths of zero, dead ends, resources that nothing limits."""
+    """240 models in all: ties, lengths of zero, dead ends, resources that nothing limits."""
     routes = critical = 0
-    for seed in range(90):
+    for seed in range(60):
         model = draw(rng_of(seed), revisits=revisits)
         wanted = least_length(model)
         found = ct.solve(model, NAME)
@@ -31,9 +31,9 @@ def test_labelling_finds_the_shortest_route(draw, revisits):
             routes += 1
             assert found.primal_bound == found.dual_bound == wanted, seed
         critical += found.statistics["critical points"] > 0
-    assert 43 < routes < 90
+    assert 28 < routes < 60
     if draw is random_branches:
-        assert (critical > 3) is not revisits
+        assert (critical > 1) is not revisits
 
 
 # -- what a search proves ------------------------------------------------------------------------

@@ -26,7 +26,7 @@ from resource_draws import random_branches, random_model, rng_of
 from crosstrack.solvers import Request
 from crosstrack.solvers.resource_routing.labelling import ResourceLabelling
 answers = []
-for seed in range(20):
+for seed in range(10):
     for draw in (random_model, random_branches):
         model = draw(rng_of(seed), revisits=seed % 2 == 0)
         answer = ResourceLabelling().run(model, Request())

@@ -136,7 +136,7 @@ def test_plans_encode_without_violated_rows():
 
 
 def test_search_and_program_agree():
-    model = generate_ordering(12, 100, 30, 3)
+    model = generate_ordering(10, 100, 30, 3)
     verdict = ct.compare(model, ["bounded-levels", "highs"], time_limit=60)
     assert verdict.outcome == "AGREED", verdict
     least = ct.solve(model).primal_bound
@@ -144,7 +144,7 @@ def test_search_and_program_agree():
 
 
 def test_seeds_repeat_and_limits_stop():
-    model = generate_ordering(40, 1000, 5, 1)
+    model = generate_ordering(25, 1000, 5, 1)
     runs = [ct.solve(model, "three-exchange", seed=seed) for seed in (1, 1, 2)]
     assert runs[0].plan == runs[1].plan
     assert runs[0].primal_bound < length_of(
@@ -258,6 +258,6 @@ def test_a_run_that_is_out_of_time_has_a_plan():
 def test_a_search_that_ends_with_its_time_names_the_limit():
     backend, model = ThreeExchange(), generate_ordering(200, 1000, 5, 1)
     options = backend.checked_options({"iterations": 10**9})
-    answer = backend.run(model, Request(options=options, time_limit=0.5))
+    answer = backend.run(model, Request(options=options, time_limit=0.15))
     assert answer.statistics["iterations"] < 10**9
     assert answer.limit is Limit.TIME
