@@ -202,7 +202,7 @@ class FleetData(Model[FleetPlan]):
                 )
 
     def _check_reachable(self) -> None:
-        if self.size > LARGE and self._is_plane:
+        if self.size > LARGE and self.is_plane:
             longest = self.longest
         else:
             longest = float(np.max(self.distances, where=np.isfinite(self.distances), initial=0.0))
@@ -211,7 +211,7 @@ class FleetData(Model[FleetPlan]):
                 f"distances must be small enough to add up, got {longest:g}",
                 field="points" if self.costs is None else "costs",
             )
-        if self.size > LARGE and self._is_plane:
+        if self.size > LARGE and self.is_plane:
             return
         unreachable = np.argwhere(~np.isfinite(self.distances))
         if unreachable.size:
@@ -257,17 +257,17 @@ class FleetData(Model[FleetPlan]):
     @cached_property
     def symmetric(self) -> bool:
         """Whether all distances are the same in both directions."""
-        return self._is_plane or bool(np.array_equal(self.distances, self.distances.T))
+        return self.is_plane or bool(np.array_equal(self.distances, self.distances.T))
 
     @property
-    def _is_plane(self) -> bool:
+    def is_plane(self) -> bool:
         """Whether the distances follow from two points."""
         return self.costs is None and self.metric is not Metric.GRID
 
     @cached_property
     def longest(self) -> float:
         """Longest distance; for more than :data:`LARGE` points at least as long, from their extent."""
-        if self.size <= LARGE or not self._is_plane:
+        if self.size <= LARGE or not self.is_plane:
             return float(self.distances.max())
         assert self.points is not None
         # Rounding of a length adds at most a half.
@@ -279,15 +279,16 @@ class FleetData(Model[FleetPlan]):
         Without :attr:`distances`, which takes memory for n² numbers, they are computed from the points.
         """
         first, second = np.asarray(tails, np.int64), np.asarray(heads, np.int64)
-        if "distances" in self.__dict__ or self.size <= LARGE or not self._is_plane:
+        if "distances" in self.__dict__ or self.size <= LARGE or not self.is_plane:
             legs: Floats = self.distances[first, second]
             return legs
         assert self.points is not None
-        return self._between(self.points[first], self.points[second])
+        return self.between(self.points[first], self.points[second])
 
-    def _between(self, tails: Floats, heads: Floats) -> Floats:
+    def between(self, tails: Floats, heads: Floats) -> Floats:
         """Return the distances between points by the metric."""
-        x, y = np.moveaxis(tails - heads, -1, 0)
+        apart = tails - heads
+        x, y = apart[..., 0], apart[..., 1]
         if self.metric is Metric.PAPER:
             return np.asarray(np.abs(x) + np.abs(y))
         lengths: Floats = np.hypot(x, y)
@@ -307,7 +308,7 @@ class FleetData(Model[FleetPlan]):
         result = np.empty((self.size, self.size))
         step = max(1, BLOCK // self.size)
         for begin in range(0, self.size, step):
-            block = self._between(self.points[begin : begin + step, None], self.points[begin:])
+            block = self.between(self.points[begin : begin + step, None], self.points[begin:])
             result[begin : begin + step, begin:] = block
             result[begin:, begin : begin + step] = block.T  # distances of points are symmetric
         return frozen(result)

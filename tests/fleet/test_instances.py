@@ -130,8 +130,6 @@ def test_table_2_measures_a_file_or_states_that_it_is_absent(monkeypatch, tmp_pa
         def run(self, model, backend, **more):
             if backend == "fleet-search":
                 more["options"] = {"steps": 10, "bound": False}
-            else:
-                more["options"] = {"ant_iterations": 3}
             return super().run(model, backend, **more)
 
     values = table_2(("bayg29", "Kmeans-AC"), Quick(runs=2, time_limit=5))

@@ -13,7 +13,7 @@ from crosstrack.instances.fleet import read_vrplib
 from crosstrack.models import FleetRouting
 from crosstrack.models.fleet import FleetPlan
 from crosstrack.solvers.fleet.bound import lower_bound, trip_bound
-from crosstrack.solvers.fleet.start import cut_tour, first_routes, repair
+from crosstrack.solvers.fleet.start import _nearest, cut_tour, first_routes, repair
 
 PUBLIC = Path(__file__).resolve().parents[3] / "shared" / "data" / "fleet-vrplib" / "CVRP"
 needs_data = pytest.mark.skipif(
@@ -104,3 +104,17 @@ def test_a_plan_within_a_slack_of_three_units():
     assert found.termination == "feasible"
     assert not found.verification.within_tolerance
     assert found.dual_bound > 0.0
+
+
+@pytest.mark.parametrize("metric", ["euclidean", "rounded", "paper"])
+@pytest.mark.parametrize("scale", [1e-3, 1e6])
+def test_large_tours_go_to_the_nearest_node(metric, scale):
+    points = np.random.default_rng(5).random((1100, 2)) * scale
+    model = FleetRouting(2, points=points, metric=metric)
+    tour = _nearest(model, 0, model.customers)
+    assert sorted(tour.tolist()) == model.customers.tolist()
+    left, current = np.array(model.customers), 0
+    for node in tour.tolist():
+        legs = model.legs(current, left)
+        assert model.legs(current, node) <= legs.min() * (1 + 1e-12)
+        left, current = left[left != node], node
