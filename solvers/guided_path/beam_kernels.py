@@ -101,39 +101,16 @@ def beam(
 ) -> tuple[int, int, int]:  # fmt: skip
     """Return the length of the best tour, its last entry of `trace`, and the number of pruned states.
 
-    Parameters
-    ----------
-    tables, shares
-        Tables of the model, and shares of its chains.
-    keys : ndarray of int, shape (room, words)
-        Pool of states.
-    costs : ndarray of int, shape (room, 4)
-        Length up to each state, the same plus the bound on the rest, its entry of `trace`, and the bound by
-        gaps on the rest.
-    maxima : ndarray of int16, shape (room + 1, groups)
-        Largest number of crossings of each group of gaps in each state, and scratch space.
-    after : ndarray of int32, shape (room,)
-        Successor in the list of the state.
-    free : ndarray of int32, shape (room + 1,)
-        Number of free slots of the pool, and their indices.
-    table : ndarray of int32
-        Hash table of the states of a list. Its size is a power of two, at least twice the pool's.
-    heads : ndarray of int32, shape (n + 1,)
-        First state of each list.
-    trace : ndarray of int32, shape (m, 2)
-        Overwritten: predecessor entry and place of each entry.
-    best : int
-        Upper bound: only shorter tours are accepted.
-    width : int
-        Maximum number of expanded states per list.
-    flag : ndarray of int8
-        Stop flag, nonzero to stop.
-
-    Returns
-    -------
-    int, int, int
-        Length; entry, or -1 if no shorter tour was found; number of pruned states, 0 if the search
-        was exhaustive, which proves optimality.
+    `tables`, `shares`: tables of the model, and shares of its chains. `keys`, shape (room, words): pool of
+    states. `costs`, shape (room, 4): length up to each state, the same plus the bound on the rest, its entry of
+    `trace`, and the bound by gaps on the rest. `maxima`, shape (room + 1, groups): largest number of crossings
+    of each group of gaps in each state, and scratch space. `after`, shape (room,): successor in the list of the
+    state. `free`, shape (room + 1,): number of free slots of the pool, and their indices. `table`: hash table
+    of the states of a list. Its size is a power of two, at least twice the pool's. `heads`, shape (n + 1,):
+    first state of each list. `trace`, shape (m, 2): overwritten with the predecessor entry and place of each entry.
+    `best`: upper bound: only shorter tours are accepted. `width`: maximum number of expanded states per list.
+    Result: length; entry, or -1 if no shorter tour was found; number of pruned states, 0 if the search was
+    exhaustive, which proves optimality.
     """
     place, at, fields = tables.place, tables.at, tables.fields
     chains, total = tables.first.size - 1, tables.first[tables.first.size - 1]

@@ -47,15 +47,8 @@ def whole_lengths(places: Floats) -> tuple[Ints, float, bool]:
     If no unit divides all gaps, the range is divided into 2^43 … 2^44 units and the gaps are
     rounded down, so that integer lengths never exceed true lengths.
 
-    Parameters
-    ----------
-    places : ndarray, shape (p,)
-        Sorted places, in m.
-
-    Returns
-    -------
-    ndarray of int, shape (p - 1,), float, bool
-        Lengths of the gaps in units, the unit (m), and True if the lengths are exact.
+    `places`, shape (p,): sorted places, in m. Result: lengths of the gaps in units, the unit (m), and True if
+    the lengths are exact.
     """
     gaps = np.diff(places)
     span = float(places[-1] - places[0])

@@ -169,24 +169,10 @@ def merge_again(
 ) -> int:  # fmt: skip
     """Improve a tour by merging some of its chains again; return the length of the best one, in units.
 
-    Parameters
-    ----------
-    tables : Tables
-        Tables of the model.
-    need : ndarray of int32, shape (n, chains)
-        See :func:`.bound.needs_of`.
-    order, best : ndarray of int, shape (n,)
-        Current and best tour; updated.
-    work : int
-        Number of states of all merges after which the search ends.
-    heat, cold : float
-        Mean accepted increase of the length at the beginning and at the end, in units.
-    moves : ndarray of uint8
-        Scratch space for the states of the largest merge.
-    draw : Generator
-        Random numbers.
-    flag : ndarray of int8
-        Stop flag, nonzero to stop.
+    `need`, shape (n, chains): see :func:`.bound.needs_of`. `order`, `best`, shape (n,): current and best tour;
+    updated. `work`: number of states of all merges after which the search ends. `heat`, `cold`: mean accepted
+    increase of the length at the beginning and at the end, in units. `moves`: scratch space for the states of
+    the largest merge.
     """
     n, chains = order.size, tables.first.size - 1
     at, place = tables.at, tables.place

@@ -26,26 +26,11 @@ def merge_nearest(
 ) -> bool:  # fmt: skip
     """Merge the chains into the tour, next the one whose first customer is nearest to its end.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n + 1,)
-        Coordinates of the start and the customers, in m.
-    need : ndarray of int32, shape (n, k)
-        Number of customers of each chain that must be served before each customer of the list; shape (0, k)
-        if no pair relates two chains.
-    members : ndarray of int, shape (n,)
-        The customers, chain after chain.
-    starts : ndarray of int, shape (k + 1,)
-        First position of each chain in the list.
-    order : ndarray of int, shape (n,)
-        Overwritten with the tour, as positions in the list.
-    flag : ndarray of int8
-        Stop flag, nonzero to stop.
-
-    Returns
-    -------
-    bool
-        True if all chains were merged.
+    `x`, shape (n + 1,): coordinates of the start and the customers, in m. `need`, shape (n, k): number of
+    customers of each chain that must be served before each customer of the list; shape (0, k) if no pair
+    relates two chains. `members`, shape (n,): the customers, chain after chain. `starts`, shape (k + 1,): first
+    position of each chain in the list. `order`, shape (n,): overwritten with the tour, as positions in the
+    list.
     """
     left = np.ones(len(starts) - 1, np.bool_)
     n, at = 0, x[0]
@@ -151,19 +136,9 @@ def merge_walks(
     A tour serves the other customers when it passes them. Each merge is a shortest one, as those of
     :func:`merge_nearest`, but compares the stops of the walk only.
 
-    Parameters
-    ----------
-    x, members, starts, flag
-        As for :func:`merge_nearest`.
-    chosen : ndarray of int, shape (k,) or (0,)
-        Chains in the order of their merges; if empty, the nearest one comes next.
-    walk : ndarray of int, shape (n,)
-        Overwritten with the customers at which the walk turns.
-
-    Returns
-    -------
-    int
-        Number of these customers, or -1 if stopped.
+    `x`, `members`, `starts`, `flag`: as for :func:`merge_nearest`. `chosen`, shape (k,) or (0,): chains in the
+    order of their merges; if empty, the nearest one comes next. `walk`, shape (n,): overwritten with the
+    customers at which the walk turns. Result: number of these customers, or -1 if stopped.
     """
     left = np.ones(len(starts) - 1, np.bool_)
     n = 0

@@ -26,25 +26,13 @@ def merge_two(
 ) -> bool:  # fmt: skip
     """Merge two chains into a shortest path from `start` to `end`; return whether it finished.
 
-    Parameters
-    ----------
-    start, end : float or int
-        Coordinates of the places before and after both chains.
-    base, chain : ndarray, shapes (p,) and (q,)
-        Coordinates of the customers of both chains.
-    before_base : ndarray of int, shape (p,)
-        Number of customers of `chain` that must be served before each customer of `base`.
-    before_chain : ndarray of int, shape (q,)
-        Number of customers of `base` that must be served before each customer of `chain`.
-    far : float or int
-        Length of an infeasible path.
-    moves : ndarray of uint8, shape (m,)
-        Scratch space for at least (p + 1)(q + 1) states.
-    merged : ndarray of uint8, shape (p + q,)
-        Overwritten: 1 for a customer of `chain`, 0 for one of `base`, in the order of service. Ties are
-        resolved from the end of the path, in favour of `base`.
-    flag : ndarray of int8
-        Stop flag, nonzero to stop.
+    `start`, `end`: coordinates of the places before and after both chains. `base`, `chain`, shapes (p,) and
+    (q,): coordinates of the customers of both chains. `before_base`, shape (p,): number of customers of `chain`
+    that must be served before each customer of `base`. `before_chain`, shape (q,): number of customers of
+    `base` that must be served before each customer of `chain`. `far`: length of an infeasible path. `moves`,
+    shape (m,): scratch space for at least (p + 1)(q + 1) states. `merged`, shape (p + q,): overwritten: 1 for a
+    customer of `chain`, 0 for one of `base`, in the order of service. Ties are resolved from the end of the
+    path, in favour of `base`.
     """
     p, q = base.size, chain.size
     # Least lengths through the states with i customers of `base`, by the last customer: in `lasts` one of

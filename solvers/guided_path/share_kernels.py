@@ -53,21 +53,9 @@ class Shares(NamedTuple):
 def fill_rests(heads: Ints, sizes: Ints, rests: Links, flag: NDArray[np.int8]) -> bool:
     """Fill in the remaining lengths, from the last counts to the first; return whether it finished.
 
-    Parameters
-    ----------
-    heads : ndarray of int, shape (g + 1, longest + 1)
-        Coordinates of the customers of each chain; the last row begins with the start.
-    sizes : ndarray of int, shape (g,)
-        Number of customers of each chain.
-    rests : ndarray of int32
-        Overwritten; `FAR` if a chain is finished.
-    flag : ndarray of int8
-        Stop flag, nonzero to stop.
-
-    Returns
-    -------
-    bool
-        False if stopped.
+    `heads`, shape (g + 1, longest + 1): coordinates of the customers of each chain; the last row begins with
+    the start. `sizes`, shape (g,): number of customers of each chain. `rests`: overwritten; `FAR` if a chain is
+    finished.
     """
     g, home = sizes.size, heads[sizes.size, 0]
     radix, counts, at = np.ones(g, np.int64), sizes.copy(), np.full(g, home)
@@ -109,25 +97,11 @@ def walk_alone(
 ) -> int:  # fmt: skip
     """Return the total length of the shortest paths from several states; count their crossings.
 
-    Parameters
-    ----------
-    heads, sizes, rests
-        As :func:`fill_rests` filled them.
-    places : ndarray of int, shape (g + 1, longest + 1)
-        Indices of the places in `heads`.
-    begun : ndarray of int, shape (m, g)
-        Number of customers of each chain served in each state.
-    starts : ndarray of int, shape (m,)
-        Index of each state's place.
-    weighted : ndarray of int, shape (gaps + 1,)
-        Coordinates of the places.
-    crossed : ndarray of int, shape (gaps,)
-        Overwritten with the total number of crossings of each gap.
-
-    Returns
-    -------
-    int
-        Sum of the lengths.
+    `heads`, `sizes`, `rests`: as :func:`fill_rests` filled them. `places`, shape (g + 1, longest + 1): indices
+    of the places in `heads`. `begun`, shape (m, g): number of customers of each chain served in each state.
+    `starts`, shape (m,): index of each state's place. `weighted`, shape (gaps + 1,): coordinates of the places.
+    `crossed`, shape (gaps,): overwritten with the total number of crossings of each gap. Result: sum of the
+    lengths.
     """
     g = sizes.size
     radix = np.ones(g, np.int64)

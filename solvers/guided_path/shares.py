@@ -59,17 +59,10 @@ def shares_of(
 ) -> Shares | None:  # fmt: skip
     """Return the groups with the greatest bound found; None if it was stopped before, or for too many shares.
 
-    Parameters
-    ----------
-    tables, best
-        Tables of the model, and length of a tour, in units.
-    samples : ndarray of int, shape (m, chains + 1)
-        States whose mean bound is maximised: counts and place of each.
-    flag : ndarray of int8, shape (1,)
-        Stop flag, nonzero to stop.
-    between : callable, optional
-        Function ``(bound, work)`` called after each step with the mean bound so far, in units, and the number of
-        table entries compared. The ascent ends if it returns True.
+    `tables`, `best`: tables of the model, and length of a tour, in units. `samples`, shape (m, chains + 1):
+    states whose mean bound is maximised: counts and place of each. `between`: function ``(bound, work)`` called
+    after each step with the mean bound so far, in units, and the number of table entries compared. The ascent
+    ends if it returns True.
     """
     rows = [tables.at[tables.place[a:b]] for a, b in pairwise(tables.first)]
     alone = np.array([np.abs(np.diff(row)).sum() for row in rows])

@@ -26,27 +26,11 @@ def fill_table(
 ) -> bool:  # fmt: skip
     """Fill in the shortest lengths from the start through state S to the last customer of each chain.
 
-    Parameters
-    ----------
-    start : float
-        Coordinate of the start, in m.
-    places : ndarray, shape (n,)
-        Coordinates of the customers, in m.
-    starts : ndarray of int, shape (k + 1,)
-        Index of the first customer of each chain in the list, and n.
-    strides : ndarray of int, shape (k,)
-        Increment of a state's number per customer of each chain; the first is 1.
-    need : ndarray of int, shape (n, k)
-        Number of customers of each chain that must be served before each customer.
-    values : ndarray, shape (states, k)
-        Overwritten; inf if no such path exists.
-    flag : ndarray of int8
-        Stop flag, nonzero to stop.
-
-    Returns
-    -------
-    bool
-        True if the table is complete.
+    `start`: coordinate of the start, in m. `places`, shape (n,): coordinates of the customers, in m. `starts`,
+    shape (k + 1,): index of the first customer of each chain in the list, and n. `strides`, shape (k,):
+    increment of a state's number per customer of each chain; the first is 1. `need`, shape (n, k): number of
+    customers of each chain that must be served before each customer. `values`, shape (states, k): overwritten;
+    inf if no such path exists.
     """
     k = len(strides)
     counts = np.zeros(k, np.int64)

@@ -38,22 +38,10 @@ def cut_bound(
 ) -> tuple[float, Truths]:
     """Return a lower bound on all paths shorter than `missing`, and the arcs that such paths may contain.
 
-    Parameters
-    ----------
-    model : SequentialOrdering
-        The model.
-    cost : ndarray, shape (n, n)
-        Distances; arcs of at least `missing` are not used.
-    missing : float
-        Length of a known path.
-    left : callable
-        Function that returns the seconds left, 0 to stop.
-
-    Returns
-    -------
-    float, ndarray of bool, shape (n, n)
-        The bound, from dual values, so that it does not depend on the tolerance of the solver. The arcs are those
-        whose reduced costs do not exceed the difference of `missing` and the bound.
+    `cost`, shape (n, n): distances; arcs of at least `missing` are not used. `missing`: length of a known path.
+    `left`: function that returns the seconds left, 0 to stop. Result: the bound, from dual values, so that it
+    does not depend on the tolerance of the solver. The arcs are those whose reduced costs do not exceed the
+    difference of `missing` and the bound.
     """
     from scipy.optimize import linprog
     from scipy.sparse import csr_array, vstack

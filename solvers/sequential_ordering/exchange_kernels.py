@@ -169,29 +169,11 @@ def anneal(
 ) -> int:  # fmt: skip
     """Iterate random exchanges and local searches, with the acceptance of simulated annealing.
 
-    Parameters
-    ----------
-    it : Paths
-        Data and current path, which is updated.
-    shortest : ndarray of int, shape (n,)
-        Updated with the shortest path.
-    lengths : ndarray, shape (2,)
-        Updated lengths of the current and of the shortest path.
-    hot, cold : float
-        Temperatures of the first and the last iteration, in units of the distances.
-    draws : ndarray, shape (iterations, DRAWS)
-        Uniform random numbers.
-    small : float
-        Gain above which an exchange counts, for rounding errors.
-    first : bool
-        Whether to begin with a local search from all nodes.
-    flag : ndarray of int8
-        Stop flag, nonzero to stop.
-
-    Returns
-    -------
-    int
-        Number of iterations.
+    `shortest`, shape (n,): updated with the shortest path. `lengths`, shape (2,): updated lengths of the
+    current and of the shortest path. `hot`, `cold`: temperatures of the first and the last iteration, in units
+    of the distances. `draws`, shape (iterations, DRAWS): uniform random numbers. `small`: gain above which an
+    exchange counts, for rounding errors. `first`: whether to begin with a local search from all nodes. Result:
+    number of iterations.
     """
     size, ends = len(it.path), np.zeros(2, np.int64)
     count = 0

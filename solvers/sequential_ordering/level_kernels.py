@@ -181,29 +181,11 @@ def expand(
 
     Of two children with the same nodes and the same last node only the one with the shorter path is kept.
 
-    Parameters
-    ----------
-    cost : ndarray, shape (n, n)
-        Distances, with `missing` for arcs that do not exist.
-    missing : float
-        Length of a missing arc.
-    before : ndarray of int, shape (n, words)
-        Predecessors of each node, :data:`BITS` per word.
-    parents, children : States
-        States of two levels; the children are overwritten.
-    count : int
-        Number of parents.
-    table : ndarray of int32, shape (power of two,)
-        Scratch space of the hash table, larger than the number of children.
-    upper : float
-        Bound above which states are omitted.
-    flag : ndarray of int8
-        Stop flag, nonzero to stop.
-
-    Returns
-    -------
-    expanded, made : int
-        Number of parents that were expanded completely, and of children.
+    `cost`, shape (n, n): distances, with `missing` for arcs that do not exist. `missing`: length of a missing
+    arc. `before`, shape (n, words): predecessors of each node, :data:`BITS` per word. `parents`, `children`:
+    states of two levels; the children are overwritten. `count`: number of parents. `table`, shape (power of
+    two,): scratch space of the hash table, larger than the number of children. `upper`: bound above which
+    states are omitted. Result: number of parents that were expanded completely, and of children.
     """
     size, words = before.shape
     room, made = len(children.last), 0
