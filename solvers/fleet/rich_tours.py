@@ -203,7 +203,7 @@ def best_routes(
 ) -> list[tuple[Floats, dict[int, Route]]] | None:
     """Return for each vehicle the least measure of a route through each set of nodes, and the routes.
 
-    The measure is the length, the cost or the return, infinite if there is no feasible route. None after a stop.
+    The measure is the length, the cost or the return, infinite without a feasible route. None after a stop.
     """
     tables, result = dict[str, tuple[Floats, dict[int, Route]]](), []
     for k in range(model.vehicles):
@@ -251,7 +251,7 @@ def _best_routes(
 def _state(model: FleetRouting, label: Label) -> tuple[object, ...]:
     """Return the attributes that labels must share to dominate one another.
 
-    A later release delays the begin of a trip, and thus depends on its path.
+    A later release delays the begin of a trip, so its effect depends on the path since then.
     """
     path: Route = ()
     if model.releases is not None and label.reloads:
