@@ -86,9 +86,9 @@ class MinimumDerivative(PathData):
         Yaw of the vehicle in radians: along the path, constant, or through an angle per knot (None is
         free) by the shortest turns, with the least angular acceleration. Plans carry it as ``plan.yaw``.
     periodic : bool
-        Whether the path is a lap: the ends agree in position and in the derivatives up to the fourth
-        (up to 2r-2 by optimality if only waypoints are fixed). `start` and `end` are then free by
-        default.
+        Whether the path is a lap: the ends agree in position and in the derivatives up to the fourth or
+        2r-2, whichever is lower (up to 2r-2 by optimality if only waypoints are fixed). `start` and `end`
+        are then free by default.
     gates : sequence of Gate
         Discs, balls or polygons that contain the positions of knots, whose waypoints are free.
 

@@ -104,6 +104,8 @@ class Scaling:
         step = np.minimum(cost[curved] / curvature[curved], 1.0)
         change = (cost[curved] * step).max(initial=0.0)
         units = [common(abs(float(size)) or 1.0) for size in (program.offset, change)]
+        if not (program.offset or cost.any()):  # the constraints alone keep the optimum from 0
+            units = [_power_of_two(float(curvature.max(initial=0.0)) or 1.0)]
         unit = min(units) if min(units) > 1.0 else min(1.0, max(units))
         if unit == 1.0:
             return None
@@ -176,4 +178,9 @@ def common(magnitude: float) -> float:
     """Return 1 for a magnitude within :data:`PLAIN`, else the nearest power of two."""
     if PLAIN[0] <= magnitude <= PLAIN[1]:
         return 1.0
+    return _power_of_two(magnitude)
+
+
+def _power_of_two(magnitude: float) -> float:
+    """Return the power of two nearest to a positive magnitude."""
     return float(2.0 ** np.clip(np.round(np.log2(magnitude)), -1000, 1000))

@@ -164,6 +164,26 @@ def test_scales_do_not_matter(scale: float) -> None:
     assert other.plan.duration == pytest.approx(usual.plan.duration, rel=0.01)
 
 
+@pytest.mark.parametrize("order", [2, 3, 4])
+def test_fixed_times_have_one_optimum_in_all_units(order: int) -> None:
+    """Conic solvers with absolute tolerances called paths of 47 times the optimal cost optimal."""
+
+    def cost(size: float, second: float) -> float:
+        gates = [
+            Gate(1, centre=[size, 2 * size], radius=0.3 * size),
+            Gate(2, polygon=[[2.8 * size, 2 * size], [3.2 * size, 2.3 * size]]),
+        ]
+        points = [[0, 0], [None, None], [None, None], [4 * size, 0]]
+        times = np.array([0, 1, 2.5, 3.5]) * second
+        solution = ct.solve(MinimumDerivative(points, times, order=order, gates=gates))
+        assert solution.termination == "optimal" and solution.gap < 1e-5
+        return solution.primal_bound * second ** (2 * order - 1) / size**2
+
+    usual = cost(1.0, 1.0)
+    for size, second in ((1e-6, 1e2), (1e-3, 1e2), (1.0, 1e-2), (1e3, 1.0), (1e6, 1.0), (1e6, 1e2)):
+        assert cost(size, second) == pytest.approx(usual, rel=1e-5)
+
+
 def test_gate_at_the_start_and_at_the_end() -> None:
     gates = [Gate(0, centre=[0, 0], radius=1.0), Gate(2, polygon=[[4, -1], [4, 1]])]
     model = TimeAllocation(

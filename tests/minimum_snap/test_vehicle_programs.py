@@ -10,7 +10,13 @@ from scipy.optimize import NonlinearConstraint, minimize
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
 from crosstrack.instances import read_poly7, read_samples, write_poly7, write_samples
-from crosstrack.models import DifferentialDrive, MinimumSnap, PointMass, Quadrotor
+from crosstrack.models import (
+    DifferentialDrive,
+    MinimumDerivative,
+    MinimumSnap,
+    PointMass,
+    Quadrotor,
+)
 from crosstrack.solvers import Termination
 
 POINTS = np.array([[0, 0, 0], [1, 2, 1], [3, 2, 0.5], [4, 0, 1]], float)
@@ -103,8 +109,26 @@ def test_infeasible_limits_are_proven(vehicle, backend):
     assert solution.termination is Termination.INFEASIBLE
 
 
+@pytest.mark.parametrize(
+    ("vehicle", "points", "largest"),
+    [
+        (lambda limit: PointMass(speed=limit), [[0.0], [1.0]], 1.5),
+        (lambda limit: PointMass(acceleration=limit), [[0.0], [1e-3]], 6e-3),
+        (lambda limit: Quadrotor(1.0, (limit, 90.0)), [[0.0, 0, 0], [0, 0, 1]], 9.81 - 6.0),
+        (lambda limit: DifferentialDrive(1e4, limit, track=0.3), [[0.0, 0], [1e3, 0]], 6e3),
+    ],
+)
+def test_a_path_without_freedom_is_optimal_or_proven_infeasible(vehicle, points, largest):
+    """The only cubic from rest to rest reaches 1.5 times its mean velocity, and 6 times its acceleration."""
+    ends = {1e-3: Termination.INFEASIBLE, 0.0: Termination.OPTIMAL, -1e-5: Termination.OPTIMAL}
+    for off, termination in ends.items():
+        off = -off if largest == 9.81 - 6.0 else off
+        model = MinimumDerivative(points, [0, 1], order=2, vehicle=vehicle(largest * (1 - off)))
+        assert ct.solve(model).termination is termination, off
+
+
 def test_limits_that_only_the_linearisation_exceeds_prove_nothing():
-    model = MinimumSnap(POINTS[:2], [0, 1], vehicle=Quadrotor(1.0, (0, 90), body_rate=0.2))
+    model = MinimumSnap(POINTS[:3], [0, 1, 2], vehicle=Quadrotor(1.0, (0, 90), body_rate=0.2))
     solution = ct.solve(model, "clarabel")
     assert solution.termination is Termination.NO_SOLUTION and solution.dual_bound is None
 

@@ -118,6 +118,11 @@ class ConeProgramFormulation(Formulation[MinimumDerivative, Trajectory]):
         return self.model.vehicle
 
     @cached_property
+    def _is_fixed(self) -> bool:
+        """Whether the path has no freedom: each limit at an instant is then a constant cone, thus a proof."""
+        return bool(self._map[0].shape[1] == 0)
+
+    @cached_property
     def measures(self) -> tuple[Measure, ...]:
         """Limited quantities of the vehicle."""
         return () if self.model.vehicle is None else self.model.vehicle.measures
@@ -159,7 +164,7 @@ class ConeProgramFormulation(Formulation[MinimumDerivative, Trajectory]):
         offsets = [(gates.cone_offset + gates.cone_matrix @ self._map[1]) / self.unit]
         blocks, at = list(gates.cones), len(gates.cone_offset)
         for measure, held in zip(self.measures, self.held, strict=True):
-            if not (measure.is_convex or around):
+            if not (measure.is_convex or around or self._is_fixed):
                 continue
             rows, offset = self._cones(measure, held)
             count, dimension = offset.shape
@@ -292,13 +297,14 @@ class ConeProgramFormulation(Formulation[MinimumDerivative, Trajectory]):
         matrix, constant = self._map
         free = (np.diff(matrix.indptr) > 0).reshape(shape)
         affine = measure.is_convex or self.centre is None
-        if affine:
+        if self._is_fixed:
+            local, step = constant.reshape(shape), np.zeros(shape)
+        elif affine:
             local, step = np.zeros(shape), self._effect.reshape(shape)
         else:
             assert self.centre is not None
             local = (matrix @ base.encode(self.centre) + constant).reshape(shape)
-            step = _DIFFERENCE * self._effect.reshape(shape)
-        step = np.where(free | affine, step, 0.0)
+            step = np.where(free, _DIFFERENCE * self._effect.reshape(shape), 0.0)
 
         def cone(change: Floats) -> Floats:
             powers = np.moveaxis(base.to_powers(local + change), 1, 2)
@@ -324,7 +330,7 @@ class ConeProgramFormulation(Formulation[MinimumDerivative, Trajectory]):
             flat = local.reshape(model.segments, -1)[held.segment]
             offset = value - np.einsum("qdc,qc->qd", result, flat)
         mobile = np.where(free.reshape(model.segments, -1)[held.segment, None, :], result, 0.0)
-        moving = np.abs(mobile).max(axis=(1, 2)) > 0
+        moving = (np.abs(mobile).max(axis=(1, 2)) > 0) | self._is_fixed
         finite = np.isfinite(result).all(axis=(1, 2)) & np.isfinite(offset).all(axis=1)
         take = np.flatnonzero(moving & finite)
         self._memory[key] = result[take], offset[take], take

@@ -114,8 +114,8 @@ class VehicleFormulation(ConeProgramFormulation):
             more = former.joined(out, s) if out.size else former
             held.append(more)
             added = more.s.size > former.s.size
-            new |= added and (measure.is_convex or self.centre is not None)
-            bent |= out.size > 0 and not measure.is_convex
+            new |= added and (measure.is_convex or self._is_fixed or self.centre is not None)
+            bent |= out.size > 0 and not (measure.is_convex or self._is_fixed)
             excess = max(excess, float(share.max()))
         base = self.base.refined(self._local(point), tolerance)
         new |= base is not None
