@@ -243,6 +243,19 @@ def test_rows_say_which_sample():
     assert program.row_name(2) == "step sample 0, component 0"
 
 
+def test_errors_of_an_encoded_plan_satisfy_every_row():
+    """Measurements with a wrong sign would double the misfit, and with it the deviations."""
+    model = wild(3, 25)
+    full, condensed = model.formulate("full-information"), model.formulate("condensed")
+    plan = ran("rts-smoother", model).point
+    program, point = full.program, full.encode(plan)
+    np.testing.assert_allclose(program.matrix @ point, program.row_lower, rtol=1e-12, atol=1e-9)
+    assert np.abs(program.row_lower).max() > 1  # the constants matter
+    states = condensed.encode(plan)
+    assert condensed.program.objective(states) == pytest.approx(program.objective(point))
+    np.testing.assert_allclose(condensed.decode(states).deviation, full.decode(point).deviation)
+
+
 def test_misfit_by_a_plain_loop():
     draw = np.random.default_rng(2)
     times = np.cumsum(draw.uniform(0.01, 0.6, 50))
