@@ -37,7 +37,7 @@ def dtlz2(x):
 @pytest.mark.parametrize(
     ("function", "dimension", "reference", "volume", "share", "budget"),
     [
-        (zdt1, 10, [1.1, 1.1], 1.21 - 1 / 3, 0.98, 6000),
+        pytest.param(zdt1, 10, [1.1, 1.1], 1.21 - 1 / 3, 0.98, 6000, marks=pytest.mark.slow),
         (dtlz2, 7, [1.1] * 3, 1.331 - math.pi / 6, 0.85, 3000),
     ],
 )

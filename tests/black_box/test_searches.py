@@ -508,6 +508,7 @@ def test_the_portfolio_selects_its_stages_for_the_evaluations_that_the_time_allo
     assert answer.statistics["surrogate-search"] > 0 and answer.primal_bound < 0.1
 
 
+@pytest.mark.slow
 def test_the_portfolio_is_no_worse_than_its_searches_on_a_path():
     model = ct.load("black-box/path-corners")
     best = ct.solve(model, "portfolio", seed=1, evaluations=4000).primal_bound

@@ -133,7 +133,7 @@ def test_options_with_unknown_names():
 
 def test_a_run_without_time_returns_the_first_plan():
     found = ct.solve(
-        ct.load("fleet-mission/paper"), "staged", time_limit=1e-3, backend_options=QUICK
+        ct.load("fleet-mission/corridor"), "staged", time_limit=1e-3, backend_options=QUICK
     )
     assert found.limit == "time"
     assert found.termination == "feasible" and found.verification.ok

@@ -105,14 +105,16 @@ SHARED = {
     "a waypoint at the start",
     "weighted",
 }
+REPEATED = {
+    *((name, "staged") for name in SHARED),
+    ("a waypoint twice", "minco"),
+}
 
 
 @pytest.mark.parametrize(
     ("name", "backend"),
     [
-        pytest.param(
-            name, backend, marks=[pytest.mark.slow] * (backend == "staged" and name in SHARED)
-        )
+        pytest.param(name, backend, marks=[pytest.mark.slow] * ((name, backend) in REPEATED))
         for name in WILD
         for backend in BACKENDS
     ],

@@ -84,7 +84,7 @@ def test_prepare_refuses_options_and_flights_without_a_plan():
 def test_a_replan_that_leaves_the_bounds_at_the_start_is_not_ok():
     """The corridor has no inset at the start, which touches the bounds."""
     prepared = ct.prepare(around(bounds=(0, -9, 11, 9)))
-    for velocity in ((0.0, 0.0), (0.0, 0.2), (-0.04, 0.2), (-0.05, 0.0)):
+    for velocity in ((0.0, 0.2), (-0.05, 0.0)):
         replan = prepared.replan((0, 0), velocity)
         assert replan.ok == (velocity[0] == 0.0)
         assert replan.verification().ok == replan.ok

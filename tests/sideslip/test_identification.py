@@ -118,7 +118,7 @@ def test_fewer_measurements_than_parameters_determine_nothing():
 
 def test_the_noise_counts_degrees_of_freedom():
     noise = []
-    for seed in range(40):
+    for seed in range(25):
         model = simulated(seed, n=10)
         drive = dataclasses.replace(model.recording, sideslip=model.truth)
         noise.append(identify(dataclasses.replace(model, training=[drive])).noise)

@@ -142,9 +142,9 @@ def test_long_recordings_keep_their_extremes():
     ("n", "period", "speed", "deviation"),
     [
         (10, 1e-9, 20.0, 0.0),
-        (10, 2.0, 1.0, 1.0),
+        pytest.param(10, 2.0, 1.0, 1.0, marks=pytest.mark.slow),
         (50, 0.05, [20.0] + [0.0] * 49, 1e-9),
-        (50, 0.05, [0.0, 1.0] * 25, 0.5),
+        pytest.param(50, 0.05, [0.0, 1.0] * 25, 0.5, marks=pytest.mark.slow),
         (3001, 0.01, 1000.0, 1e6),
     ],
 )
