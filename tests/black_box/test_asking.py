@@ -60,7 +60,7 @@ def test_ask_and_tell_gives_the_plan_of_a_run_with_constraints(name):
     def function(x):
         return [float(((x - 0.3) ** 2).sum()), 0.4 - x[0]]
 
-    fields = {"inequalities": 1, "budget": 35}
+    fields = {"inequalities": 1, "budget": 22}
     with ct.prepare(BlackBoxMinimisation(None, SQUARE, **fields), name, seed=1) as asking:
         conduct(asking, lambda xs: [function(x) for x in xs])
     answer = ct.solve(box(function, *SQUARE, **fields), name, seed=1)

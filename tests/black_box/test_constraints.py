@@ -83,7 +83,7 @@ def test_more_constraints_than_processes(name):
 
 @pytest.mark.parametrize("name", EVERY)
 def test_no_feasible_point_is_no_plan(name):
-    answer, _ = search(name, box(lambda x: [x[0], 1.0 + x[0]], (0, 1), inequalities=1, budget=30))
+    answer, _ = search(name, box(lambda x: [x[0], 1.0 + x[0]], (0, 1), inequalities=1, budget=15))
     assert answer.termination is Termination.NO_SOLUTION and answer.point is None
     assert (
         answer.message.startswith("none of ") and "points holds all constraints" in answer.message
@@ -165,7 +165,7 @@ def test_small_mixed_problems_equal_enumeration(name, seed):
 
     # The others may stop in a local minimum of these random costs.
     is_exact = name in ("random-search", "differential-evolution", "portfolio", "cma-es")
-    budget = 2000 if is_exact else allowed(name, 80, 400)
+    budget = 2000 if is_exact else allowed(name, 40, 400)
     model = box(function, (-2, 3), (0, 2), (0, 3), variables=kinds, inequalities=1, budget=budget)
     points = [
         (i, j, k) for i, j, k in itertools.product(range(-2, 4), range(3), range(4)) if j or not k
