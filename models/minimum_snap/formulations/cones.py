@@ -119,7 +119,7 @@ class ConeProgramFormulation(Formulation[MinimumDerivative, Trajectory]):
 
     @cached_property
     def _is_fixed(self) -> bool:
-        """Whether the path has no freedom: each limit at an instant is then a constant cone, thus a proof."""
+        """Whether the path has no freedom: a limit at an instant is then a constant cone, which proves a violation."""
         return bool(self._map[0].shape[1] == 0)
 
     @cached_property
