@@ -164,8 +164,8 @@ def test_scales_do_not_matter(scale: float) -> None:
     assert other.plan.duration == pytest.approx(usual.plan.duration, rel=0.01)
 
 
-@pytest.mark.parametrize("order", [2, 3, 4])
-def test_fixed_times_have_one_optimum_in_all_units(order: int) -> None:
+@pytest.mark.parametrize(("order", "speed"), [(2, None), (3, None), (4, None), (4, 4.0)])
+def test_fixed_times_have_one_optimum_in_all_units(order: int, speed: float | None) -> None:
     """Conic solvers with absolute tolerances called paths of 47 times the optimal cost optimal."""
 
     def cost(size: float, second: float) -> float:
@@ -175,7 +175,9 @@ def test_fixed_times_have_one_optimum_in_all_units(order: int) -> None:
         ]
         points = [[0, 0], [None, None], [None, None], [4 * size, 0]]
         times = np.array([0, 1, 2.5, 3.5]) * second
-        solution = ct.solve(MinimumDerivative(points, times, order=order, gates=gates))
+        vehicle = None if speed is None else PointMass(speed * size / second)
+        model = MinimumDerivative(points, times, order=order, gates=gates, vehicle=vehicle)
+        solution = ct.solve(model)
         assert solution.termination == "optimal" and solution.gap < 1e-5
         return solution.primal_bound * second ** (2 * order - 1) / size**2
 

@@ -61,6 +61,16 @@ class Held(NamedTuple):
         return Held(both[0][first], both[1][first])
 
 
+class _UnitLegendre(LegendreFormulation):
+    """Legendre basis in which coefficients of order r move the path by about their size, in any unit of time."""
+
+    @cached_property
+    def unit(self) -> float:
+        """Unit of the coefficients of order r: their basis functions have the size 1 / r!."""
+        power = (self.model.order - 0.5) * np.log2(self.model.durations.min())
+        return float(2.0 ** np.round(power - np.log2(math.factorial(self.model.order))))
+
+
 @dataclass(frozen=True, eq=False)
 class ConeProgramFormulation(Formulation[MinimumDerivative, Trajectory]):
     """Program of a path with the convex limits of a vehicle, and others linearised about a path.
@@ -94,7 +104,7 @@ class ConeProgramFormulation(Formulation[MinimumDerivative, Trajectory]):
         plain = replace(model, vehicle=None, yaw=None, gates=())
         local = not (model.fixes_order or model.gates) and model.continuity < model.order
         # Only the columns of hermite keep a standstill, at which the direction of the path is a limit.
-        kind = HermiteFormulation if local else LegendreFormulation
+        kind = HermiteFormulation if local else _UnitLegendre
         first = kind(plain, samples=self.samples)
         segment = np.repeat(np.arange(model.segments), self.samples)
         s = np.tile(initial_times(self.samples), model.segments)
