@@ -58,14 +58,7 @@ class Boxes:
     def of_cells(cls, blocked: Truths, cell: float, origin: Floats) -> Boxes:
         """Return the blocked cells of a map that border on free ones.
 
-        Parameters
-        ----------
-        blocked : ndarray of bool, one dimension per axis
-            Cells.
-        cell : float
-            Side of a cell in metres.
-        origin : ndarray, shape (axes,)
-            Lowest corner of the map in metres.
+        `blocked` has one dimension per axis, `cell` is the side of a cell and `origin` the lowest corner, in metres.
         """
         from scipy.ndimage import binary_erosion
 

@@ -172,20 +172,10 @@ def _extent(points: Floats) -> Floats:
 
 
 def as_obstacles(value: Any, dimensions: int) -> ConvexObstacles:
-    """Return the obstacles of a map, of polygons or of points.
+    """Return the obstacles of a map, of polygons or of points in metres, for a path with `dimensions` axes.
 
-    Parameters
-    ----------
-    value : GridMap, VoxelMap, list of polygons, or array-like, shape (n, d)
-        Obstacles, m. In two dimensions, an array with two axes is a list of points, and every other list
-        contains polygons.
-    dimensions : int
-        Number of axes of the path.
-
-    Raises
-    ------
-    InvalidData
-        The obstacles are invalid, or have another number of axes.
+    In two dimensions, an array of shape (n, 2) is a list of points, and every other list contains polygons. Raise
+    :class:`InvalidData` if the obstacles are invalid or have another number of axes.
     """
     obstacles: ConvexObstacles
     if isinstance(value, Mapping | Polygon) or hasattr(value, "exterior"):

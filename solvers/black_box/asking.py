@@ -272,16 +272,8 @@ def prepare_black_box(
 ) -> AskTell:
     """Return a search by ask and tell; refuse options that it does not have.
 
-    Parameters
-    ----------
-    model : BlackBoxMinimisation
-        Model; its function is not called and may be None.
-    backend : str or Backend
-        Search.
-    backend_options : mapping, optional
-        Options of the search.
-    **options
-        `seed`, `evaluations`, `target` and `warm_start`, as in :func:`crosstrack.solve`.
+    The function of the model is not called and may be None. The options are `seed`, `evaluations`, `target` and
+    `warm_start`, as in :func:`crosstrack.solve`.
     """
     limits = limits_of("prepare", options.pop("limits", None), options)
     limits.require_only("prepare for a black box", OPTIONS)

@@ -46,19 +46,10 @@ NETWORKS: dict[str, Any] = {
 
 
 def shipped_weights(kind: str) -> Path:
-    """Return the path of the shipped weights of a network.
+    """Return the path of the shipped weights of a network in :data:`NETWORKS`.
 
-    They are in this folder of a checkout, otherwise in the package ``crosstrack_weights``.
-
-    Parameters
-    ----------
-    kind : str
-        Kind of the network in :data:`NETWORKS`.
-
-    Raises
-    ------
-    BackendMissing
-        The weights are not installed.
+    They are in this folder of a checkout, otherwise in the package ``crosstrack_weights``. If neither exists,
+    raise :class:`BackendMissing`.
     """
     folder = Path(__file__).parent / "weights"
     if not folder.is_dir():

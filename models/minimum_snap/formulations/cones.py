@@ -73,15 +73,7 @@ class _UnitLegendre(LegendreFormulation):
 
 @dataclass(frozen=True, eq=False)
 class ConeProgramFormulation(Formulation[MinimumDerivative, Trajectory]):
-    """Program of a path with the convex limits of a vehicle, and others linearised about a path.
-
-    Parameters
-    ----------
-    model : MinimumDerivative
-        Problem at given times with a vehicle.
-    samples : int
-        Initial instants per segment at which limits are imposed, 2 to 1000.
-    """
+    """Program of a path with the convex limits of a vehicle, and others linearised about a path."""
 
     samples: int = 5
     base: UnitBasisFormulation = field(default=None, init=False, repr=False)  # type: ignore[assignment]

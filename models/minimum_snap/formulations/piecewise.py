@@ -337,21 +337,9 @@ class PiecewiseFormulation(Formulation[MinimumDerivative, Trajectory]):
     def refined(
         self, point: NDArray[np.float64], tolerance: float, duals: NDArray[np.float64] | None = None
     ) -> Self | None:
-        """Return the formulation with the instants at which `point` violates bounds.
+        """Return the formulation with the instants at which `point` violates bounds; None at the end.
 
-        Parameters
-        ----------
-        point : ndarray, shape (columns,)
-            Solution of the current program.
-        tolerance : float
-            Tolerance of the verification.
-        duals : ndarray, optional
-            Not used.
-
-        Returns
-        -------
-        PiecewiseFormulation or None
-            None if no instant is missing or after the last round.
+        The parameters are those of the base; `duals` are not used.
         """
         if not self.model.bounded or self.rounds >= ROUNDS:
             return None
