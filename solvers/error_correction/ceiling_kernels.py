@@ -86,7 +86,9 @@ def climb(
             for i in range(n):
                 keep[i] = ahead[i] < np.inf
             grid = build(space, keep)
-            ahead[grid.ids] = remaining(space, grid, False, WORTH * scanned, flag)
+            left = remaining(space, grid, False, WORTH * scanned, flag)
+            for i in range(len(left)):
+                ahead[grid.ids[i]] = left[i]
             vain = ahead[space.start] == np.inf
             dear += 1
             if dear == 2 and not vain:

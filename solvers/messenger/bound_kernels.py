@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
+from .decoding import copy_pairs
 from .turn_kernels import between, corner, turn_loss
 
 __all__ = ["Data", "ascend", "insertions", "omissions", "prove_length", "splice", "tabulate"]
@@ -337,7 +338,7 @@ def ascend(data: Data, stops: Indices, directions: Floats, best_directions: Floa
     `directions`; `best_directions` is filled with the directions that prove it.
     """
     legs = stops.size - 1
-    best_directions[:] = directions
+    copy_pairs(directions, best_directions)
     # Per direction: one step to either side, then the maximum of the parabola through the three
     # values.
     table, tried = np.empty((legs, 6)), np.empty((1, 2))
@@ -375,6 +376,6 @@ def ascend(data: Data, stops: Indices, directions: Floats, best_directions: Floa
     best = prove_length(data, stops, best_directions)
     before = prove_length(data, stops, directions)
     if before > best:
-        best_directions[:] = directions
+        copy_pairs(directions, best_directions)
         return before
     return best

@@ -38,6 +38,7 @@ __all__ = [
     "access",
     "assess",
     "bisect",
+    "copy_pairs",
     "follow",
     "meet",
     "shortest_time",
@@ -80,6 +81,13 @@ class Task(NamedTuple):
     r: float
     margin: float
     flag: NDArray[np.int8]
+
+
+@kernel
+def copy_pairs(values: Floats, to: Floats) -> None:
+    """Copy an array of shape (n, 2) in a loop: an assignment of slices takes 4 s longer to compile."""
+    for k in range(len(values)):
+        to[k, 0], to[k, 1] = values[k, 0], values[k, 1]
 
 
 @kernel

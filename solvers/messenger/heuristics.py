@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...jit import kernel
 from ...models.messenger.model import MessengerTour
 from ..contract.backend import Option, Request
-from .decoding import Task, follow, meet, shortest_time
+from .decoding import Task, copy_pairs, follow, meet, shortest_time
 from .rivals import Flight, RandomRival, Rival
 
 __all__ = ["DirectSampling", "GreedyBoundary", "GreedyCentre", "VariableNeighbourhood"]
@@ -156,13 +156,23 @@ def improve(order: Ints, genes: Floats, task: Task, trials: int, rng: np.random.
             trial[a], trial[b] = trial[b], trial[a]
         else:
             trial_genes[order[a], 0] = 2.0 * math.pi * rng.random()
-        spot[first] = poses[first]
+        for j in range(4):
+            spot[first, j] = poses[first, j]
         there = follow(trial, trial_genes, attempt, first, end)
-        if there < end:
-            end, order[:], genes[:] = there, trial, trial_genes
-            poses[first:] = spot[first:]
+        is_better = there < end
+        if is_better:
+            end = there
+            copy_pairs(trial_genes, genes)
+            for k in range(first, n + 1):
+                for j in range(4):
+                    poses[k, j] = spot[k, j]
         else:
-            trial[:], trial_genes[:] = order, genes
+            copy_pairs(genes, trial_genes)
+        for k in range(n):
+            if is_better:
+                order[k] = trial[k]
+            else:
+                trial[k] = order[k]
     return end
 
 
@@ -247,7 +257,7 @@ def search_samples(
             continue
         if last:
             best = ceiling = t
-            genes[:] = trial
+            copy_pairs(trial, genes)
             level -= 1
             continue
         soonest = _soonest(level + 1, order[level + 1], t, task)

@@ -15,7 +15,17 @@ from numpy.typing import NDArray
 from ...jit import kernel
 from ...models.messenger.dubins import relaxed_length
 from ..contract.backend import Option, Request
-from .decoding import KAPPA, Task, access, assess, follow, meet, shortest_time, upper_bound
+from .decoding import (
+    KAPPA,
+    Task,
+    access,
+    assess,
+    copy_pairs,
+    follow,
+    meet,
+    shortest_time,
+    upper_bound,
+)
 from .rivals import Flight, RandomRival
 
 __all__ = ["Memetic", "MemeticRelaxed", "MemeticUntransformed"]
@@ -155,15 +165,16 @@ def descend(i: int, order: Ints, genes: Floats, cost: float, task: Task, rules: 
     for _ in range(int(2.0 * math.pi / rules.step)):
         if task.flag[0] != 0:
             break
-        trial[:] = genes
+        copy_pairs(genes, trial)
         trial[i, 0] += DELTA
         slope = (settle(order, trial, task, rules) - cost) / DELTA
-        trial[:] = genes
+        copy_pairs(genes, trial)
         trial[i, 0] -= rules.step * slope
         value = settle(order, trial, task, rules)
         if not value < cost:
             break
-        cost, genes[:] = value, trial
+        cost = value
+        copy_pairs(trial, genes)
     return cost
 
 
@@ -175,13 +186,14 @@ def resample(k: int, order: Ints, genes: Floats, cost: float, task: Task, rules:
     for m in range(rules.samples):
         if task.flag[0] != 0:
             break
-        trial[:] = start
+        copy_pairs(start, trial)
         trial[i, 0] = 2.0 * math.pi * m / rules.samples
         assess(order, trial, task, False)
         trial[i, 1] = shortest_time(k, i, trial[i, 0], task)
         value = settle(order, trial, task, rules)
         if value < cost:
-            cost, genes[:] = value, trial
+            cost = value
+            copy_pairs(trial, genes)
     return cost
 
 
@@ -230,7 +242,10 @@ def evolve(
             mutate(kind, child, child_genes, task, rng)
         value = settle(child, child_genes, task, rules)
         if value < costs[p]:
-            orders[p], genes[p], costs[p] = child, child_genes, value
+            costs[p] = value
+            copy_pairs(child_genes, genes[p])
+            for k in range(n):
+                orders[p, k] = child[k]
     if number % rules.period == 0:
         half = np.argsort(costs)[: max(size // 2, 1)]
         for _ in range(number // rules.period):

@@ -113,7 +113,8 @@ def differentiate(
                 i, end = p % order, p // order
                 th, tl = times(fh, fl, power[i])
                 forces[a, k, end, i], rests[a, k, end, i] = plus(th, tl, fh * low[i], 0.0)
-    objective[:] = sums[:, 0] + sums[:, 1]
+    for a in range(axes):
+        objective[a] = sums[a, 0] + sums[a, 1]
 
 
 @kernel(interpretable=True)

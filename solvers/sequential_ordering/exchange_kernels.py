@@ -227,7 +227,8 @@ def anneal(
             lengths[0] += change
             if lengths[0] < lengths[1] - small:
                 lengths[1] = lengths[0]
-                shortest[:] = it.path
+                for k in range(len(shortest)):
+                    shortest[k] = it.path[k]
         count += 1
         if flag[0]:
             # The queue must be empty at the next call.

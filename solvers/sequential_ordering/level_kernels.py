@@ -137,8 +137,10 @@ def assign_root(
     """Fill in state 0: node 0 is visited. Return False if it was stopped."""
     size = len(cost)
     at, total = _scratch(size), 0.0
-    at.waits[:] = waits
-    at.heads[: size - 1] = np.arange(1, size)
+    for node in range(size):
+        at.waits[node] = waits[node]
+    for node in range(size - 1):
+        at.heads[node] = node + 1
     for node in range(size - 1):
         if flag[0]:
             return False

@@ -87,7 +87,8 @@ def kalman_sample(
         pair.innovations, pair.innovation_spread, pair.step, pair.shift, pair.slope, pair.level,
         pair.flag,
     )  # fmt: skip
-    pair.before[:] = pair.after
+    for j in range(len(pair.before)):
+        pair.before[j] = pair.after[j]
     leave_marks(
         pair.times, pair.speed, pair.steering, pair.usable, pair.vehicle, pair.noise,
         pair.predicted, pair.filtered, pair.covariance, pair.innovations, pair.innovation_spread,
@@ -116,7 +117,10 @@ def unscented_sample(
     """Do the same as :func:`kalman_sample` with the unscented filter; return True if an axle slides."""
     x, root = cloud.filtered, cloud.root
     before, u, delta, size = cloud.times[0], cloud.speed[0], cloud.steering[0], math.inf
-    x[0], root[0] = x[1], root[1]
+    for i in range(x.shape[1]):
+        x[0, i] = x[1, i]
+        for j in range(x.shape[1]):
+            root[0, i, j] = root[1, i, j]
     moving = speed >= LOW_SPEED
     cloud.data[0] = yaw_rate if moving else math.nan
     cloud.data[1] = acceleration if moving else math.nan
