@@ -279,11 +279,16 @@ class Kernel:
         Division follows NumPy. The compiled code releases the interpreter lock, so that a timer or
         Ctrl-C can set the stop flag while it runs.
         """
+        return self._make_dispatcher(has_wrapper=True)
+
+    def _make_dispatcher(self, has_wrapper: bool) -> Any:
+        """Return a dispatcher; only compiled code can call one without the wrapper for calls from Python."""
         _import_numba()
         import numba
 
-        # The wrapper for calls from C is unused and takes a tenth of the compile time.
+        # Each wrapper takes a tenth of the compile time. That for calls from C is unused.
         options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+        options["no_cpython_wrapper"] = not has_wrapper
         if not self.allocates:
             options["_nrt"] = False
         try:
@@ -293,6 +298,8 @@ class Kernel:
             file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
             if file is not None:  # None if NUMBA_DISABLE_JIT is set
                 compilation.name_by_key(file, compilation.stamp_of(self))
+                if not has_wrapper:
+                    compilation.mark_keys(dispatcher._cache)
         except RuntimeError as error:
             # Neither the source folder nor the user's cache folder is writable.
             log.info("compiled code is not kept: %s", error)
@@ -312,7 +319,12 @@ class Kernel:
     @cached_property
     def _numba_type_(self) -> Any:
         """Numba type of the kernel if compiled code calls it."""
-        return compilation.type_of_callee()(self.dispatcher)
+        return compilation.type_of_callee()(self.dispatcher if self.interpretable else self._callee)
+
+    @cached_property
+    def _callee(self) -> Any:
+        """Numba's dispatcher of a kernel that mostly kernels call; it is kept here, as Numba's type does not."""
+        return self._make_dispatcher(has_wrapper=False)
 
     def compile_for(self, arguments: tuple[Any, ...]) -> None:
         """Compile for the types of `arguments` without running the loop."""
