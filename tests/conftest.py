@@ -118,6 +118,7 @@ ct.solve(ct.load("fleet-mission/pocket"))
 import crosstrack as ct
 from crosstrack.jit import compile_always
 from crosstrack.solvers.guided_path import BACKENDS
+from crosstrack.solvers.sequential_ordering import BACKENDS as SEQUENCES
 compile_always()
 for fields in (
     {"chains": [[3, 1], [4, 2]]},
@@ -126,6 +127,8 @@ for fields in (
     model = ct.models.GuidedPathTour([0, 1, 2, 3, 4, 5.5], **fields)
     for name in BACKENDS:
         ct.solve(model, name, time_limit=60)
+for name in SEQUENCES:
+    ct.solve(ct.load("sequential-ordering/ESC07"), name, time_limit=60)
 # Small ones do not reach the shares of the gaps.
 ct.solve(ct.load("guided-path/hard-20x20"), "a-star", time_limit=5)
 ct.solve(ct.load("black-box/path-open"), "random-search", evaluations=10)

@@ -94,7 +94,8 @@ def nearest_error(x: Floats, plan: AttractorEstimate, ahead: int) -> float:
     last, squares = len(x) - plan.window - ahead, []
     if last < NEAREST or not np.ptp(x) > 0:
         return 1.0
-    states, futures = embedded(x, plan)[:last], x[plan.window + ahead :]
+    # One row per coordinate: the maximum over a short last axis takes several times as long.
+    states, futures = np.ascontiguousarray(embedded(x, plan)[:last].T), x[plan.window + ahead :]
     theiler = min(plan.theiler, len(x) // 4)
     many = plan.dimension <= HIGH or len(x) <= ASKED
     count = min(last, ASKED if many else ASKED_HIGH)
@@ -102,7 +103,7 @@ def nearest_error(x: Floats, plan: AttractorEstimate, ahead: int) -> float:
     k = np.arange(count)
     shift = k * GOLDEN % 1.0 if count < last else 0.0
     for i in np.floor((k + shift) * (last / count)).astype(int).tolist():
-        apart = np.abs(states - states[i]).max(axis=1)
+        apart = np.abs(states - states[:, i : i + 1]).max(axis=0)
         apart[max(i - theiler, 0) : i + theiler + 1] = np.inf
         least = np.partition(apart, NEAREST - 1)[NEAREST - 1]
         if np.isfinite(least):

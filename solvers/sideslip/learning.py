@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar, nnls
 
 from ...models.sideslip.data import LOW_SPEED, Recording
 
@@ -289,6 +288,7 @@ def relative_size(errors: Floats, speed: Floats) -> Callable[[Floats], Floats]:
     The function ``c + d / u`` with ``c, d >= 0`` is fitted by least squares: a constant error of the lateral speed causes
     an error of the angle that is inverse to the forward speed. It is 1 if all errors are 0.
     """
+    from scipy.optimize import nnls
 
     def terms(values: Floats) -> Floats:
         return np.column_stack([np.ones(len(values)), 1.0 / np.maximum(values, LOW_SPEED)])
@@ -315,6 +315,8 @@ def left_out(drives: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def best_width(scores: Floats, values: Floats, targets: Floats) -> float:
     """Return the kernel width with the least squared error, by grid search and refinement."""
+    from scipy.optimize import minimize_scalar
+
     # Single precision is twice as fast and more accurate than the tolerance of the width.
     table, known = scores.astype(np.float32), values.astype(np.float32)
 
