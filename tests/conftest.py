@@ -128,7 +128,7 @@ for fields in (
     for name in BACKENDS:
         ct.solve(model, name, time_limit=60)
 for name in SEQUENCES:
-    ct.solve(ct.load("sequential-ordering/ESC07"), name, time_limit=60)
+    ct.solve(ct.load("sequential-ordering/random-10-100-30"), name, time_limit=60)
 # Small ones do not reach the shares of the gaps.
 ct.solve(ct.load("guided-path/hard-20x20"), "a-star", time_limit=5)
 ct.solve(ct.load("black-box/path-open"), "random-search", evaluations=10)
