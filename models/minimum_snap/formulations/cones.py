@@ -62,7 +62,7 @@ class Held(NamedTuple):
 
 
 class _UnitLegendre(LegendreFormulation):
-    """Legendre basis in which coefficients of order r move the path by about their size, in any unit of time."""
+    """Legendre basis whose coefficients of order r move the path by about their size, in any unit of time."""
 
     @cached_property
     def unit(self) -> float:
