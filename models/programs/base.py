@@ -375,7 +375,15 @@ class RowProgram(BlockProgram):
         columns = self._column_sizes
         rows = row_sizes(self.matrix, point, columns)
         checks = self._checks(point, self.matrix @ point, rows, columns, tolerance)
-        return Verification(self.objective(point), checks, maximise=self.maximise)
+        scale = self._objective_size
+        return Verification(self.objective(point), checks, scale=scale, maximise=self.maximise)
+
+    @property
+    def _objective_size(self) -> float:
+        """Largest coefficient of the objective, at most 1; 1 if all are 0."""
+        hessian = getattr(self, "hessian", None)
+        parts = [self.cost, [self.offset], [] if hessian is None else hessian.data]
+        return min(float(np.abs(np.concatenate(parts)).max()), 1.0) or 1.0
 
     @property
     def _column_sizes(self) -> Vector:

@@ -192,7 +192,8 @@ def exact_verification(
             _excesses(values, program.column_lower, program.column_upper),
         ),
     )  # fmt: skip
-    return Verification(_nearest(objective), checks, maximise=program.maximise)
+    scale = program._objective_size
+    return Verification(_nearest(objective), checks, scale=scale, maximise=program.maximise)
 
 
 def _excesses(numbers: list[Fraction], lower: Vector, upper: Vector) -> Vector:

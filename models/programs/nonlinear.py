@@ -142,7 +142,8 @@ class NonlinearProgram(BlockProgram):
         columns = np.minimum(self.column_scale, 1.0)
         checks = self._checks(point, rows, self.row_scale, columns, tolerance)
         value = objective if np.isfinite(objective) else None
-        return Verification(value, checks, maximise=self.maximise)
+        scale = min(self.objective_scale, 1.0)
+        return Verification(value, checks, scale=scale, maximise=self.maximise)
 
     def violations(self, point: Vector) -> Vector:
         """Return the violation of each row at `point` relative to its typical size, shape (m,)."""

@@ -21,7 +21,7 @@ from ...version import __version__
 from ..contract.enums import CLAIMS_NONE, CLAIMS_PLAN, Guarantee, Limit, Termination
 from ..contract.job import GAP, Job
 from ..contract.registry import find_backend
-from ..contract.solution import NOTHING, Incumbent, Solution, relative_gap, without_rounding
+from ..contract.solution import Incumbent, Solution, nothing, relative_gap, without_rounding
 
 __all__ = ["Claim", "assemble"]
 
@@ -189,7 +189,12 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
         gap = relative_gap(primal, dual)
         gap_limit = GAP if job.gap is None else job.gap
         # The relative gap is meaningless for an optimum of 0.
-        differs = primal is None or dual is None or primal - dual > NOTHING
+        differs = (
+            verification is None
+            or primal is None
+            or dual is None
+            or primal - dual > nothing(verification)
+        )
         if gap is None or (gap > gap_limit * 1.01 + 1e-6 and differs):
             messages.append(f"claims optimal, but the verified plan leaves a gap of {gap}")
             termination = Termination.FEASIBLE

@@ -243,3 +243,30 @@ def test_the_largest_magnitude_of_each_row():
     assert row_maxima(matrix).tolist() == [0, 7, 0, 0.5, 0]
     assert row_maxima(sp.csr_array((2, 3))).tolist() == [0, 0]
     assert row_maxima(sp.csr_array((0, 3))).size == 0
+
+
+class Claiming(Backend):
+    """Return the first unit vector as optimal, with the objective at 0 as the bound."""
+
+    name = "claiming"
+    accepts = MixedIntegerProgram
+    guarantee = Guarantee.EXACT
+    features = frozenset({Feature.DUAL_BOUND})
+
+    def run(self, problem, request):
+        point = np.eye(problem.size)[0]
+        value = problem.objective(point)
+        return Answer(
+            Termination.OPTIMAL, point=point, primal_bound=value, dual_bound=problem.offset
+        )
+
+
+@pytest.mark.parametrize("unit", [1e-11, 1.0, 1e9])
+def test_a_gap_is_not_excused_by_a_small_unit_of_the_objective(unit):
+    """Differences below 1e-9 were rounding in any unit."""
+    program = knapsack(cost=[unit, 0.0, 0.0], offset=0.0)
+    answer = ct.solve(program, Claiming())
+    assert answer.termination == "feasible" and "leaves a gap" in answer.message
+    assert program.verify(answer.plan).scale == min(unit, 1.0)
+    free = replace(program, cost=[0.0, 0.0, 0.0])
+    assert ct.solve(free, Claiming()).termination == "optimal"
