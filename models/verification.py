@@ -401,6 +401,11 @@ class Verification:
             object.__setattr__(self, "objective", None)
 
     @property
+    def negligible(self) -> float:
+        """Difference between objective and bound that is due to rounding; a scale of 0 is unknown."""
+        return ROUNDING * min(self.scale or 1.0, 1.0)
+
+    @property
     def ok(self) -> bool:
         """Whether the plan has an objective and every check is accepted."""
         return self.objective is not None and all(check.ok for check in self.checks)

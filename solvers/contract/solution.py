@@ -26,13 +26,9 @@ from .enums import CLAIMS_NONE, Guarantee, Limit, Termination
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-__all__ = ["Incumbent", "Solution", "nothing", "relative_gap", "without_rounding"]
+__all__ = ["Incumbent", "Solution", "relative_gap", "without_rounding"]
 
 PlanT = TypeVar("PlanT")
-
-#: Difference between objective and bound that is due to rounding, relative to the scale of the verification if
-#: that is below 1.
-NOTHING = 1e-9
 
 
 def relative_gap(primal: float | None, dual: float | None) -> float | None:
@@ -62,11 +58,6 @@ def relative_gap(primal: float | None, dual: float | None) -> float | None:
     return gap if gap > 1e-12 else 0.0
 
 
-def nothing(verification: Verification) -> float:
-    """Return the difference between objective and bound that is due to rounding; a scale of 0 states none."""
-    return NOTHING * min(verification.scale or 1.0, 1.0)
-
-
 def without_rounding(dual: float, verification: Verification, tolerance: float) -> float:
     """Return `dual`, or the verified objective if the bound exceeds it by rounding only.
 
@@ -86,7 +77,7 @@ def without_rounding(dual: float, verification: Verification, tolerance: float) 
     if primal is None:
         return dual
     share = min(tolerance, TOLERANCE)
-    explained = max(share * abs(primal), ROUNDING * verification.scale, nothing(verification))
+    explained = max(share * abs(primal), ROUNDING * verification.scale, verification.negligible)
     return primal if primal < dual <= primal + explained else dual
 
 

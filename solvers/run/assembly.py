@@ -21,7 +21,7 @@ from ...version import __version__
 from ..contract.enums import CLAIMS_NONE, CLAIMS_PLAN, Guarantee, Limit, Termination
 from ..contract.job import GAP, Job
 from ..contract.registry import find_backend
-from ..contract.solution import Incumbent, Solution, nothing, relative_gap, without_rounding
+from ..contract.solution import Incumbent, Solution, relative_gap, without_rounding
 
 __all__ = ["Claim", "assemble"]
 
@@ -193,7 +193,7 @@ def assemble(job: Job, claim: Claim, witness: Any = None) -> Solution[Any]:
             verification is None
             or primal is None
             or dual is None
-            or primal - dual > nothing(verification)
+            or primal - dual > verification.negligible
         )
         if gap is None or (gap > gap_limit * 1.01 + 1e-6 and differs):
             messages.append(f"claims optimal, but the verified plan leaves a gap of {gap}")

@@ -183,10 +183,11 @@ EXCEPTIONS = {
         ),
     ),
     "fleet": (
-        11_375,
+        11_700,
         (
             "fleet-search, bounds, subset-dp and four algorithms of the paper; rich fleets with their schedule, checks, "
-            "readers and two adapters have about 2,900, column generation 1,800, tours and parts 1,000"
+            "readers and two adapters have about 2,900, column generation 1,800, tours and parts 1,000, exact routes of "
+            "small rich fleets 330"
         ),
     ),
     "grid_path": (
@@ -201,7 +202,7 @@ EXCEPTIONS = {
         "loads, windows, tracks and vehicles with their search have about 1,500 lines, 20,000 customers and merges 800",
     ),
     "messenger": (
-        10_260,
+        10_290,
         (
             "Newton's polish is 3 to 34 times as fast as Ipopt, so it stays; wind, several UAVs and no-fly zones have "
             "about 1,250, orders of many vehicles 310, the bound over poses of few vehicles 415"
@@ -215,14 +216,14 @@ EXCEPTIONS = {
         ),
     ),
     "optimal_control": (
-        14_375,
+        14_420,
         (
             "the own Jacobian of programs is 2.9 to 270 times as fast as CasADi's, the Hessian 1.8 to 2.5; "
             "scenarios, flights, arcs, algebraic equations, estimation, convexity and prepared steps were added"
         ),
     ),
     "sideslip": (
-        6470,
+        6472,
         "the filter of spins has 400 lines, estimation in the loop 480, identification 300, tyre laws and the tyre curve 250",
     ),
     "unknown_grid": (
@@ -266,4 +267,4 @@ def test_the_package_keeps_its_ceiling(checkout):
     rooms = ("models", "solvers", "instances", "cli")
     files = [path for room in rooms for path in (checkout / room).rglob("*.py")]
     files += checkout.glob("*.py")
-    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 165_030
+    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 165_150
