@@ -54,8 +54,8 @@ class Label(NamedTuple):
     """Begin of a route.
 
     `nodes` and `trip` are the visited nodes, of the route and since the last reload, as bits. `stops` are the
-    reloads and stations since the last node, `since` the distance since a station, `load` the present load and
-    `peak` the largest one of the trip.
+    reloads and stations of which another visit before the next node changes nothing, `since` is the distance
+    since a station, `load` the present load and `peak` the largest one of the trip.
     """
 
     route: Route
@@ -112,45 +112,48 @@ class _Vehicle:
         self.reloads = [node for node in model.reloads or () if node in able]
         self.stations = [node for node in model.stations or () if node in able]
         self.nodes = [node for node in self.bits if node in able]
+        # A node may be both.
+        self.stops = list(dict.fromkeys([*self.reloads, *self.stations]))
         self.most = math.inf if model.max_reloads is None else float(model.max_reloads[k])
 
     def extensions(self, label: Label) -> Iterator[Label]:
         """Yield the labels with one more node, reload or station that keep every limit."""
         at = label.route[-1] if label.route else int(self.model.homes[self.k])
-        for node in [*self.nodes, *self.reloads, *self.stations]:
+        for node in [*self.nodes, *self.stops]:
             route, leg = (*label.route, node), float(self.model.distances[at, node])
             since = label.since + leg
             if since > self.battery or node in label.stops:
                 continue
-            label_there = label._replace(
-                route=route, length=label.length + leg, since=since, stops=label.stops | {node}
-            )
-            if node in self.stations:
-                label_there = label_there._replace(since=0.0)
-            elif node in self.reloads:
-                if label.reloads >= self.most or self._is_open(label.trip):
-                    continue
-                zero = np.zeros(self.capacity.size)
-                label_there = label_there._replace(
-                    trip=0, reloads=label.reloads + 1, load=zero, peak=zero
-                )
-            else:
-                visited = self._visit(label, node)
-                if visited is None:
-                    continue
-                label_there = label_there._replace(
-                    stops=frozenset(), nodes=visited.nodes, trip=visited.trip, load=visited.load,
-                    peak=visited.peak,
-                )  # fmt: skip
+            longer = self._stop(label, node) if node in self.stops else self._visit(label, node)
+            if longer is None:
+                continue
+            since = 0.0 if node in self.stations else since
+            longer = longer._replace(route=route, length=label.length + leg, since=since)
             if self.model.has_times:
                 pieces = earliest_returns(self.model, self.k, route, returned=False)
                 if not pieces:
                     continue
-                label_there = label_there._replace(pieces=pieces)
-            yield label_there
+                longer = longer._replace(pieces=pieces)
+            yield longer
+
+    def _stop(self, label: Label, node: int) -> Label | None:
+        """Return `label` with the trip, loads and stops after the reload or station `node`; None if forbidden.
+
+        A new trip makes all other stops useful again, and a station all reloads, as the distance since it is less.
+        """
+        if node not in self.reloads:
+            kept = label.stops.intersection(self.stations)
+            return label._replace(stops=kept | {node})
+        if label.reloads >= self.most or self._is_open(label.trip):
+            return None
+        kept = frozenset() if label.trip else label.stops
+        zero = np.zeros(self.capacity.size)
+        return label._replace(
+            trip=0, reloads=label.reloads + 1, stops=kept | {node}, load=zero, peak=zero
+        )
 
     def _visit(self, label: Label, node: int) -> Label | None:
-        """Return `label` with the bits and loads after a visit of `node`; None if a rule forbids it."""
+        """Return `label` with the bits, loads and stops after a visit of `node`; None if forbidden."""
         bit, first = self.bits[node], self.origin.get(node)
         if label.nodes & bit or (first is not None and not label.trip & self.bits[first]):
             return None
@@ -170,7 +173,8 @@ class _Vehicle:
         peak = np.maximum(np.maximum(peak, load), label.peak)
         if (peak > self.capacity).any():
             return None
-        return label._replace(nodes=label.nodes | bit, trip=label.trip | bit, load=load, peak=peak)
+        nodes, trip = label.nodes | bit, label.trip | bit
+        return label._replace(nodes=nodes, trip=trip, stops=frozenset(), load=load, peak=peak)
 
     def _is_open(self, trip: int) -> bool:
         """Return whether a pair was picked up on the trip, but not delivered."""

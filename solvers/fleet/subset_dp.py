@@ -187,6 +187,9 @@ class _Search:
             np.array([table[0] for table in tables]),
             [table[1] for table in tables],
         )
+        if self.model.objective is Objective.MAKESPAN and not self.model.use_all:
+            # An idle vehicle does not return, so its entry must not exceed a negative return.
+            self.tours[:, 0] = self.tours.min()
         self.values = value_of_sets(self.model)
         return True
 

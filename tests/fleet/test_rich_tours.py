@@ -57,6 +57,50 @@ def test_a_route_visits_several_reloads_and_a_station():
     assert answer.primal_bound == 70.0
 
 
+@pytest.mark.parametrize(
+    ("points", "fields", "route"),
+    [
+        # the station before and after the reload
+        ([[4, 1], [4, -1], [4, 0], [8, 0]], {"reloads": [4], "stations": [3], "battery": 9}, (1, 3, 4, 3, 2)),
+        # a node that reloads and charges
+        ([[3, 0], [6, 0], [4, 0]], {"reloads": [3], "stations": [3], "battery": 9}, (1, 3, 2)),
+    ],
+)  # fmt: skip
+def test_a_new_trip_makes_each_stop_useful_again(points, fields, route):
+    fields = {
+        "points": [[0, 0], *points], "objective": "sum", "capacity": 2,
+        "demands": [0, 2, 2, *[0] * (len(points) - 2)], **fields,
+    }  # fmt: skip
+    answer = solved(FleetRouting(1, **fields))
+    assert answer.termination is Termination.OPTIMAL
+    assert answer.plan.routes in [(route,), (route[::-1],)]
+    assert solved(FleetRouting(1, **fields, max_reloads=0)).termination is Termination.INFEASIBLE
+
+
+def test_a_charged_vehicle_reloads_again_on_its_way():
+    costs = np.full((5, 5), 50.0)
+    np.fill_diagonal(costs, 0)
+    for a, b, cost in [(0, 1, 3), (1, 4, 5), (4, 3, 2), (4, 2, 6), (2, 0, 1)]:
+        costs[a, b] = costs[b, a] = cost
+    model = FleetRouting(
+        1, costs=costs, objective="sum", demands=[0, 2, 2, 0, 0], capacity=2, reloads=[4],
+        stations=[3], battery=10,
+    )  # fmt: skip
+    assert solved(model).plan.routes == ((1, 4, 3, 4, 2),)
+
+
+def test_an_idle_vehicle_has_no_return():
+    points = [[25, 7], [3, 8], [12, 24], [13, 2]]
+    shifts = [(-100, 900), (-100, 900), (-1, 900)]
+    model = FleetRouting(3, points=points, objective="makespan", shifts=shifts)
+    # The last vehicle returns after 0.
+    best, _ = enumerate_best(
+        FleetRouting(2, points=points, objective="makespan", shifts=shifts[:2])
+    )
+    answer = solved(model)
+    assert answer.primal_bound == pytest.approx(best) and answer.dual_bound == pytest.approx(best)
+
+
 def test_every_objective_of_a_timed_fleet():
     fields = {"points": SQUARE, "service": [0, 1, 2, 3], "windows": [None, (0, 4), None, (9, 11)]}
     for objective in ("sum", "max", "max-sum", "cost", "makespan"):
