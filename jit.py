@@ -205,10 +205,14 @@ class Kernel:
 
     def _stretch(self, arguments: tuple[Any, ...]) -> Any:
         """Interpret the loop until the limit of the run, and compile it in the background."""
-        limit = current_limit()
+        limit, begin = current_limit(), perf_counter()
+        if not limit.interpreted and begin > limit.interpretation_end:
+            # Compiling other kernels has used the share of the interpreted ones.
+            limit.may_compile = False
+            limit.extend_interpretation(begin + _SHARE * (limit.end - begin))
         limit.interpreted.add(self.py_func.__name__)
         compilation.request(self.py_func.__module__, self.py_func.__qualname__, arguments)
-        _here.stretched, _here.begun = limit, perf_counter()
+        _here.stretched, _here.begun = limit, begin
         try:
             return self._interpret(arguments)
         finally:
@@ -233,7 +237,7 @@ class Kernel:
         seconds = 0.0 if "numba" in sys.modules else _IMPORT
         if left <= seconds + _LOAD:
             raise _DoesNotFit
-        if seconds + self._compile_seconds <= _SHARE * left:
+        if seconds + self._compile_seconds <= _SHARE * left and current_limit().may_compile:
             return
         if "numba" not in sys.modules and not compilation.may_be_cached(self.py_func):
             raise _DoesNotFit  # and the import of Numba is saved
@@ -262,12 +266,15 @@ class Kernel:
         timer.start()
         _ending.add(thread)  # so that a stop request ends the wait
         try:
-            begin, end = perf_counter(), current_limit().end
-            is_limited = end < float("inf")
+            limit, begin = current_limit(), perf_counter()
+            is_limited = limit.end < float("inf")
             # Under load, the process may take far longer than expected.
-            patience = _PATIENCE * (end - begin) if is_limited else _LONGEST
+            patience = _PATIENCE * (limit.end - begin) if is_limited else _LONGEST
+            if is_limited:  # the kernel is interpreted after a vain wait
+                limit.extend_interpretation(begin + (_PATIENCE + _SHARE) * (limit.end - begin))
             is_ready = compilation.wait_for(*name, arguments, begin + patience)
             if is_limited and not is_ready:
+                limit.may_compile = False
                 raise _DoesNotFit
         finally:
             _ending.discard(thread)

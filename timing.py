@@ -59,6 +59,9 @@ class Limit:
     ----------
     interpreted : set of str
         Names of the kernels that were interpreted because compiling does not fit.
+    may_compile : bool
+        False after compiling has taken far longer than expected, as on a busy machine. Kernels are then loaded
+        from the cache or interpreted.
     """
 
     def __init__(
@@ -68,7 +71,11 @@ class Limit:
         whole = float("inf") if seconds is None else seconds
         self.end, self.interpretation_end = begin + whole, begin + share * whole
         self.interpreted: set[str] = set()
-        self.allows_trial = allows_trial
+        self.allows_trial, self.may_compile = allows_trial, True
+
+    def extend_interpretation(self, until: float) -> None:
+        """Allow interpreted kernels until the time `until`, at most until the limit."""
+        self.interpretation_end = max(self.interpretation_end, min(self.end, until))
 
     @property
     def is_interpreted_too_long(self) -> bool:

@@ -88,6 +88,40 @@ def test_waits_are_bounded_with_and_without_a_limit(monkeypatch, limit, largest)
     assert increased._ready == (limit is None)
 
 
+@pytest.mark.parametrize("waits_in_vain", [True, False])
+def test_a_kernel_is_interpreted_after_compiling_has_used_the_share(monkeypatch, waits_in_vain):
+    """On a busy machine, the first kernels of a small model may take longer to compile than all may be interpreted."""
+    pytest.importorskip("numba", reason="nothing is compiled without Numba")
+
+    @jit.kernel
+    def increased(value):
+        return value + 1
+
+    @jit.kernel
+    def doubled(value):
+        return 2 * value
+
+    waits = []
+
+    def wait_for(module, name, arguments, end):
+        waits.append(name)
+        assert limit.interpretation_end > end
+        return False
+
+    monkeypatch.setattr(jit, "_APART", 0.0)
+    monkeypatch.setattr(compilation, "is_cached", lambda *arguments: False)
+    monkeypatch.setattr(compilation, "wait_for", wait_for)
+    monkeypatch.setattr(compilation, "request", lambda *arguments: None)
+    limit = jit.Limit(1000.0, 0.0)  # the share has passed
+    increased._compile_seconds = 0.0 if waits_in_vain else 1e6
+    with jit.within(limit):
+        assert increased(1) == 2
+        assert limit.interpreted and not limit.is_interpreted_too_long
+        assert doubled(2) == 4
+    assert len(waits) == waits_in_vain  # none for the second kernel
+    assert not increased._ready and not doubled._ready
+
+
 IMPORTS = """
 import sys, threading, time
 from crosstrack import jit
