@@ -1,5 +1,7 @@
 """Exact search and program of sequential ordering, compared with enumeration; kernels, limits, seeds."""
 
+import itertools
+
 import numpy as np
 import pytest
 from sequential_ordering.enumerated import best, random_problem
@@ -206,6 +208,30 @@ def test_compiled_kernels_equal_their_plain_versions():
             (float(root.rest[0]), *counts, *children.rest[: counts[1]], *children.last[: counts[1]])
         )
     assert results[0] == results[1]
+
+
+def test_states_have_the_least_length_of_their_nodes():
+    size, flag = 6, np.zeros(1, np.int8)
+    cost = np.random.default_rng(0).integers(1, 100, (size, size)).astype(float)
+    search = _Search(SequentialOrdering(cost), Request(options={"width": 0}))
+    level, shared = new_states(size, 1), 0
+    level_kernels.assign_root(search.cost, 1e6, np.zeros(size, bool), level, flag)
+    for inner in (1, 2, 3):
+        children, table = new_states(size, 64), np.empty(256, np.int32)
+        done, count = level_kernels.expand(
+            search.cost, 1e6, search.before, level, len(level.last), children, table, np.inf, flag
+        )
+        assert done == len(level.last)
+        level = type(level)._make(field[:count] for field in children)
+        for k, last in enumerate(level.last.tolist()):
+            nodes = [j for j in range(1, size) if level.sets[k, 0] >> j & 1 and j != last]
+            orders = [(0, *order, last) for order in itertools.permutations(nodes)]
+            assert len(nodes) == inner - 1
+            assert level.length[k] == min(
+                sum(cost[a, b] for a, b in itertools.pairwise(order)) for order in orders
+            )
+            shared += len(orders) > 1
+    assert shared > 10
 
 
 def test_the_assignment_bound_equals_scipy():
