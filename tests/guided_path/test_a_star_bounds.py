@@ -121,6 +121,8 @@ def test_shares_are_consistent_with_the_distance_walked(monkeypatch, seed):
     tables = Tables.of(model)
     shares = shares_of(tables, 2 * int(tables.at[-1]) * 25, start_of(tables), np.zeros(1, np.int8))
     assert len(shares.weighted) == 3
+    crossings = np.diff(shares.weighted, axis=1).sum(axis=0)
+    assert (crossings * shares.times <= tables.length * shares.over).all()  # rounded down
     start, value = int(tables.place[-1]), solve(model).primal_bound
     for _ in range(20):
         counts, here = np.zeros(5, np.int64), start
