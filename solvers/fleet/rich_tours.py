@@ -54,8 +54,8 @@ class Label(NamedTuple):
     """Begin of a route.
 
     `nodes` and `trip` are the visited nodes, of the route and since the last reload, as bits. `stops` are the
-    reloads and stations of which another visit before the next node changes nothing, `since` is the distance
-    since a station, `load` the present load and `peak` the largest one of the trip.
+    reloads and stations that the route must not visit again before the next node, as this never pays. `since`
+    is the distance since a station, `load` the present load and `peak` the largest one of the trip.
     """
 
     route: Route
