@@ -104,8 +104,11 @@ class Scaling:
         step = np.minimum(cost[curved] / curvature[curved], 1.0)
         change = (cost[curved] * step).max(initial=0.0)
         units = [common(abs(float(size)) or 1.0) for size in (program.offset, change)]
-        if not (program.offset or cost.any()):  # the constraints alone keep the optimum from 0
-            units = [_power_of_two(float(curvature.max(initial=0.0)) or 1.0)]
+        if curved.any() and not (program.offset or cost.any()):
+            # The constraints alone keep the optimum from 0. The smallest curvature limits a unit above 1,
+            # which would hide columns of little curvature.
+            sizes = curvature[curved]
+            units = [_power_of_two(float(sizes.min())), _power_of_two(float(sizes.max()))]
         unit = min(units) if min(units) > 1.0 else min(1.0, max(units))
         if unit == 1.0:
             return None
