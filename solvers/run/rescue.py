@@ -186,12 +186,13 @@ def _ending(request: Request, limit: Limit | None, seconds: float | None) -> Lim
 def _grade(run: Run, answer: Answer, is_late: bool = False) -> tuple[int, float]:
     """Return whether the answer is settled, verified, rejected or nothing, and its objective or violation.
 
-    The last row of the history decides if it `is_late`, because a verification takes time.
+    The rows of the history decide if it `is_late`, because a verification takes time: the answer is then that of a
+    mesh whose plan verified, if there is one.
     """
     if answer.point is None or answer.termination not in CLAIMS_PLAN:
         return _NOTHING, 0.0
     if is_late:
-        is_verified, excess = bool(run.history and run.history[-1].get("verified")), np.inf
+        is_verified, excess = any(row.get("verified") for row in run.history), np.inf
     else:
         with run.clock("refine"):
             try:

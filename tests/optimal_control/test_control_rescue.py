@@ -138,9 +138,13 @@ def test_a_stage_is_not_graded_after_the_time_limit(monkeypatch):
     assert not graded and "stages" not in found.statistics
 
 
-@pytest.mark.parametrize(("verified", "grade"), [(True, (1, 2.0)), (False, (2, np.inf))])
+@pytest.mark.parametrize(
+    ("verified", "grade"),
+    [([True], (1, 2.0)), ([True, None], (1, 2.0)), ([False], (2, np.inf)), ([], (2, np.inf))],
+)
 def test_the_history_grades_a_stage_that_ends_at_the_time_limit(verified, grade):
-    run = SimpleNamespace(history=[{"verified": verified}])
+    # The answer is that of the last mesh with a verified plan, not of the last mesh.
+    run = SimpleNamespace(history=[{"verified": item} for item in verified])
     answer = Answer(Termination.FEASIBLE, point=np.zeros(1), primal_bound=2.0)
     assert rescue._grade(run, answer, is_late=True) == grade
 
