@@ -55,6 +55,8 @@ _MOST = 30_000
 
 _lock = threading.Lock()
 _process: subprocess.Popen[bytes] | None = None
+#: Niceness with which it was started.
+_niceness = 0
 #: Requests that its thread has not written yet.
 _bodies: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
 _writer: threading.Thread | None = None
@@ -154,7 +156,8 @@ def request(
         Arguments of a call; numbers, lists and arrays are described by type, not by value, so that
         calls with other values are no further requests.
     nice : int
-        Niceness of the background process, if this request starts it.
+        Largest niceness of the background process. A process with a larger one, which a busy machine hardly
+        runs, ends after its requests, and another one is started.
 
     Returns
     -------
@@ -162,7 +165,7 @@ def request(
         The event is set when the request has ended, with or without success. None if another process
         cannot compile the kernel.
     """
-    global _process, _bodies, _events, _writer
+    global _process, _niceness, _bodies, _events, _writer
     if not sys.executable or getattr(sys, "frozen", False):  # an application without an interpreter
         return None
     try:
@@ -173,9 +176,15 @@ def request(
     with _lock:
         if not is_running():
             _release()
-        if body in _requested:
-            return _requested[body]
-        if not is_running():
+        is_running_slowly = is_running() and _niceness > nice
+        event = _requested.get(body)
+        if event is not None and (event.is_set() or not is_running_slowly):
+            return event
+        if is_running_slowly:
+            _bodies.put(None)
+            for other in [key for key, value in _requested.items() if not value.is_set()]:
+                del _requested[other]  # later requests must not wait for it
+        if is_running_slowly or not is_running():
             _bodies, _events = queue.SimpleQueue(), deque()
             command = f"from crosstrack.compilation import serve; serve({nice}, {os.getpid()})"
             try:
@@ -191,17 +200,19 @@ def request(
             except OSError as error:  # processes are not allowed, or memory is short
                 log.debug("no process can be started", exc_info=error)
                 return None
+            _niceness = nice if hasattr(os, "nice") else 0
             log.info("kernels are being compiled in the background")
             # A thread writes, because the pipe of a process that compiles can be full for seconds.
             written = (_process.stdin, _bodies)
             _writer = threading.Thread(target=_send, args=written, daemon=True)
             _writer.start()
-            read = (_process.stdout, _events)
+            read = (_process, _events)
             threading.Thread(target=_receive, args=read, daemon=True).start()
-        _requested[body] = threading.Event()
-        _events.append(_requested[body])
+        event = event or threading.Event()  # the first of two processes sets it
+        _requested[body] = event
+        _events.append(event)
         _bodies.put(body)
-        return _requested[body]
+        return event
 
 
 def _release() -> None:
@@ -339,15 +350,17 @@ def compile_here() -> None:
     _is_here = True
 
 
-def _receive(stream: IO[bytes], events: deque[threading.Event]) -> None:
+def _receive(process: subprocess.Popen[bytes], events: deque[threading.Event]) -> None:
     """Set the event of each request that has ended; the background process writes a byte for each."""
-    while stream.read(1):
+    while process.stdout is not None and process.stdout.read(1):
         events.popleft().set()
+    process.wait()
 
 
 def _send(stream: IO[bytes], bodies: queue.SimpleQueue[bytes | None]) -> None:
-    """Write the requests until None."""
-    with contextlib.suppress(OSError):  # the process was killed; the next run compiles instead
+    """Write the requests until None, and close the pipe."""
+    # If the process was killed, the next run compiles.
+    with contextlib.suppress(OSError), stream:
         for body in iter(bodies.get, None):
             data = struct.pack("<Q", len(body)) + body
             while data:
@@ -357,12 +370,9 @@ def _send(stream: IO[bytes], bodies: queue.SimpleQueue[bytes | None]) -> None:
 @atexit.register
 def _leave() -> None:
     """Detach the background process without Python's warning that it still runs."""
-    if _process is not None and _process.stdin is not None and _writer is not None:
+    if _process is not None and _writer is not None:
         _bodies.put(None)
-        _writer.join(_LEAVING)
-        if not _writer.is_alive():  # otherwise the end of this process closes the pipe
-            with contextlib.suppress(OSError):
-                _process.stdin.close()
+        _writer.join(_LEAVING)  # the end of this process closes the pipe otherwise
         _process.returncode = 0
 
 

@@ -359,3 +359,38 @@ def test_the_background_process_gives_way_when_its_parent_has_ended(run_python, 
             pytest.fail("the niceness did not change")
     finally:
         os.kill(process, signal.SIGKILL)
+
+
+#: A wait for a kernel, and for another one, that a process with a large niceness never compiles.
+STARVED = """
+import os, sys, time
+from crosstrack import compilation
+for name in ("first", "second"):
+    compilation.request("starved", name, ())
+former = compilation._process
+try:
+    for name in ("first", "second"):
+        end = time.perf_counter() + 100.0
+        print(compilation.wait_for("starved", name, (), end))
+    print(former.poll() is None and former is not compilation._process)
+finally:
+    former.kill()
+    print(former.wait() < 0)
+"""
+KERNELS = """
+import os, time
+NICENESS = os.getpriority(os.PRIO_PROCESS, os.getppid())
+class first:
+    def compile_for(arguments):
+        while os.getpriority(os.PRIO_PROCESS, 0) > NICENESS:
+            time.sleep(0.1)
+second = first
+"""
+
+
+def test_a_wait_does_not_depend_on_a_process_with_a_large_niceness(run_python, tmp_path):
+    if not hasattr(os, "nice") or os.getpriority(os.PRIO_PROCESS, 0) > 18:
+        pytest.skip("processes have no larger niceness here")
+    (tmp_path / "starved.py").write_text(KERNELS)
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n{STARVED}"
+    assert run_python("-c", code, cwd=tmp_path).split() == ["True"] * 4
