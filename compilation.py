@@ -206,7 +206,7 @@ def request(
             written = (_process.stdin, _bodies)
             _writer = threading.Thread(target=_send, args=written, daemon=True)
             _writer.start()
-            read = (_process, _events)
+            read = (_process.stdout, _events, _process)
             threading.Thread(target=_receive, args=read, daemon=True).start()
         event = event or threading.Event()  # the first of two processes sets it
         _requested[body] = event
@@ -350,10 +350,13 @@ def compile_here() -> None:
     _is_here = True
 
 
-def _receive(process: subprocess.Popen[bytes], events: deque[threading.Event]) -> None:
+def _receive(
+    stream: IO[bytes], events: deque[threading.Event], process: subprocess.Popen[bytes]
+) -> None:
     """Set the event of each request that has ended; the background process writes a byte for each."""
-    while process.stdout is not None and process.stdout.read(1):
-        events.popleft().set()
+    with stream:
+        while stream.read(1):
+            events.popleft().set()
     process.wait()
 
 

@@ -376,6 +376,8 @@ try:
 finally:
     former.kill()
     print(former.wait() < 0)
+    while not former.stdout.closed or not former.stdin.closed:
+        time.sleep(0.01)
 """
 KERNELS = """
 import os, time
