@@ -131,10 +131,10 @@ def test_options_with_unknown_names():
         staged(small(), routing="routing-search")
 
 
-def test_a_run_without_time_returns_the_first_plan():
-    found = ct.solve(
-        ct.load("fleet-mission/corridor"), "staged", time_limit=1e-3, backend_options=QUICK
-    )
+@pytest.mark.parametrize("name", ["corridor", "paper"])
+def test_a_run_without_time_returns_the_first_plan(name):
+    model = ct.load(f"fleet-mission/{name}")
+    found = ct.solve(model, "staged", time_limit=1e-3, backend_options=QUICK)
     assert found.limit == "time"
     assert found.termination == "feasible" and found.verification.ok
 

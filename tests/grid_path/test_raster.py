@@ -154,7 +154,7 @@ def test_a_hole_is_free_until_the_robot_is_too_large():
 
 @pytest.mark.parametrize("cell", [0.1, 0.3, 1 / 3, 1.0, 1e-3, 7e5])
 @pytest.mark.parametrize("corner", [(0.0, 0.0), (-0.7, 1e3 / 3), (1e5, -1e5)])
-@pytest.mark.parametrize("cells", [0, 2.5, 30])
+@pytest.mark.parametrize("cells", [0, 1, 2.5, 30])
 def test_a_passage_exactly_as_wide_as_the_robot(cell, corner, cells):
     """Walls apart by the robot's width and one cell leave one row of cells despite rounding."""
     if max(map(abs, corner)) > 1e6 * cell:

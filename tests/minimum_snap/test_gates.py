@@ -282,10 +282,10 @@ def test_wheels_keep_their_limits_by_stretching() -> None:
 def test_a_robot_that_must_turn_at_a_knot_has_no_plan() -> None:
     robot = DifferentialDrive(wheel_speed=1.0, wheel_acceleration=1.0, track=0.4)
     there_and_back = [[0, 0], [2, 0], [0, 0]]
-    model = TimeAllocation(there_and_back, order=3, vehicle=robot, minimise="time")
-    solution = ct.solve(model)
-    assert solution.termination == "no_solution"
-    assert "continuity of heading violated" in solution.message
+    for fields in ({"minimise": "time"}, {"time_weight": 10.0}):
+        solution = ct.solve(TimeAllocation(there_and_back, order=3, vehicle=robot, **fields))
+        assert solution.termination == "no_solution"
+        assert "continuity of heading violated" in solution.message
     solution = ct.solve(MinimumDerivative(there_and_back, [0, 10, 20], vehicle=robot))
     assert solution.termination == "no_solution" and "heading" in solution.message
 

@@ -105,8 +105,9 @@ def test_brush_loses_stiffness_in_proportion_to_the_force(share):
 
 
 def test_magic_formula_is_better_than_linear_and_brush_on_its_tyres():
-    linear, brush, loaded = (error("step-steer", vehicle) for vehicle in (LINEAR, BRUSH, LOADED))
-    assert loaded < 0.6 * min(linear, brush)
+    for name in ("step-steer", "serpentine"):
+        linear, brush, loaded = (error(name, vehicle) for vehicle in (LINEAR, BRUSH, LOADED))
+        assert loaded < 0.6 * min(linear, brush)
     # In gentle drives the brush model is too soft.
     assert error("banked-road", BRUSH) > error("banked-road", LINEAR)
 
