@@ -58,6 +58,9 @@ EQUIVALENT: dict[str, str] = {
     "models/minimum_snap/time_allocation.py:max(0.0, -float(plan.durations[shortest])) -> 0.0": (
         "a trajectory refuses durations that are not > 0, so that the violation is always 0"
     ),
+    "models/attractor/checks.py:max(BLOCK // (len(ahead) * self.states.shape[1]), 1) -> "
+    "min(BLOCK // (len(ahead) * self.states.shape[1]), 1)":
+        "neighbours are followed one at a time, with equal distances",
     "models/grid_path/checks.py:len(path) - 1 -> (len(path) + 1)":
         "the additional groups hold no segment",
     "models/grid_path/checks.py:cells + extent - a -> (cells + extent + a)":
