@@ -48,7 +48,11 @@ def test_objectives_of_the_size_of_their_constant_are_scaled(size: float) -> Non
 @pytest.mark.parametrize("name", ["clarabel", "scs"])
 def test_a_large_curvature_does_not_hide_that_of_another_column(name: str) -> None:
     """Divided by the largest curvature, the optimum was below the absolute tolerances of the solvers."""
-    disc = {"cone_matrix": [[0.0, 0], [1, 0], [0, 1]], "cone_offset": [1.0, 0, -2], "cones": (DISC,)}
+    disc = {
+        "cone_matrix": [[0.0, 0], [1, 0], [0, 1]],
+        "cone_offset": [1.0, 0, -2],
+        "cones": (DISC,),
+    }
     posed = ConicProgram(cost=[0.0, 0.0], hessian=np.diag([1e10, 1.0]), **disc)
     solution = ct.solve(posed, name)
     assert solution.termination is Termination.OPTIMAL
