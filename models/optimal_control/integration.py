@@ -9,6 +9,7 @@ Algebraic equations are solved by Newton's method at every evaluation of the rat
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -34,10 +35,13 @@ ERROR = 1e-12
 ERROR_STIFF = 1e-10
 #: First step of a phase, as a share of its first interval.
 FIRST = 1e-3
-#: Largest number of steps in a phase, and of the explicit method in a part of an interval, at least and per
-#: instant of the grid. Motions that need more have become stiff apart from the plan, and the implicit method
-#: continues.
+#: Largest number of steps in a phase, and number of steps of the explicit method in a part of an interval, at
+#: least and per instant of the grid, after which a motion that has become stiff apart from the plan is continued
+#: with the implicit method.
 STEPS, EXPLICIT, EXPLICIT_PER_POINT = 50_000, 300, 10
+#: Relative change of a state for differences of rates. The explicit method is stable for decays up to exp(-6) per
+#: step; accurate steps have less than this one.
+DIFFERENCE, DECAY = 1e-7, 2.0
 #: Distances ahead of a failed step at which a non-finite rate is searched, as shares of an interval.
 AHEAD = 10.0 ** np.arange(-12.0, -1.0)
 #: Growth of a perturbation beyond which a re-integration restarts from the plan. Over a longer
@@ -242,7 +246,7 @@ def _advance(
     solver = solver_at(begin, out[0].copy(), ends.pop(0), first)
     known, most = 1, max(EXPLICIT, EXPLICIT_PER_POINT * times.size)
     for taken in range(1, left + 1):
-        if taken > most and not stiff:
+        if taken % most == 0 and not stiff and _decays_within_a_step(rate, solver, scale):
             stiff = True
             solver = solver_at(solver.t, solver.y, solver.t_bound, solver.h_abs)
         proposed = solver.h_abs
@@ -267,6 +271,17 @@ def _advance(
                 return taken, solver.h_abs, ""
             solver.t_bound, solver.status = ends.pop(0), "running"
     return left, 0.0, f"the integration is given up at t = {solver.t:.6g} after {STEPS} steps"
+
+
+def _decays_within_a_step(rate: Callable[..., Floats], solver: Any, scale: Floats) -> bool:
+    """Return whether stability limits the step of the explicit method, by the eigenvalues of the Jacobian."""
+    changes = np.diag(DIFFERENCE * np.maximum(np.abs(solver.y), scale))
+    now = rate(solver.t, solver.y)
+    columns = [(rate(solver.t, solver.y + change) - now) / change.max() for change in changes]
+    jacobian = np.column_stack(columns)
+    if not np.isfinite(jacobian).all():
+        return False
+    return bool(np.linalg.eigvals(jacobian).real.min() * solver.h_abs < -DECAY)
 
 
 # -- windows -----------------------------------------------------------------------------------------

@@ -80,6 +80,20 @@ def test_a_motion_that_becomes_stiff_apart_from_the_plan_is_integrated_implicitl
     assert states[:, 0] == pytest.approx(np.cos(times), abs=1e-9)
 
 
+def test_a_fast_oscillation_is_integrated_explicitly():
+    """The implicit method takes more than 50,000 steps for its 160 periods."""
+    times, states = np.linspace(0.0, 1.0, 49), np.eye(2)[[0] * 49]
+
+    def rate(t, y):
+        return np.array([1e3 * y[1], -1e3 * y[0]])
+
+    steps, _, reason = integration._advance(
+        rate, False, times, times[-1:], np.ones(2), 0.0, states, integration.STEPS
+    )
+    assert not reason and steps < 6000
+    assert states[:, 0] == pytest.approx(np.cos(1e3 * times), abs=1e-8)
+
+
 def test_rejects_a_motion_that_breaks_down():
     ocp = OptimalControlProblem("escape")
     phase = ocp.phase(time=(0, 2))
