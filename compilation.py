@@ -156,8 +156,8 @@ def request(
         Arguments of a call; numbers, lists and arrays are described by type, not by value, so that
         calls with other values are no further requests.
     nice : int
-        Largest niceness of the background process. A process with a larger one, which a busy machine hardly
-        runs, ends after its requests, and another one is started.
+        Largest niceness of the background process. A process with a larger one, which a busy machine may not
+        run, ends after its requests, and another one is started.
 
     Returns
     -------
