@@ -19,7 +19,7 @@ from ...models.fleet import FleetRouting, Objective
 from ...models.fleet.schedule import Piece, earliest_returns
 from .whole import is_fetched, list_backhauls
 
-__all__ = ["best_routes", "refuse_rich", "value_of_sets"]
+__all__ = ["best_routes", "first_routes", "refuse_rich", "value_of_sets"]
 
 Floats = NDArray[np.float64]
 Route = tuple[int, ...]
@@ -200,6 +200,30 @@ class _Vehicle:
         if model.time_cost is not None:
             cost += float(model.time_cost[k]) * min(piece.duration for piece in pieces)
         return cost
+
+
+def first_routes(model: FleetRouting, most: int) -> list[Route]:
+    """Return routes of at most `most` nodes, each extended by its nearest feasible node; nodes may be missing."""
+    result, used = list[Route](), 0
+    for k in range(model.vehicles):
+        vehicle = _Vehicle(model, k)
+        zero = np.zeros(vehicle.capacity.size)
+        label = Label((), used, 0, frozenset(), 0.0, 0.0, 0, zero, zero, [])
+        route, visited = label.route, used
+        while (label.nodes ^ used).bit_count() < most:
+            longer = list(vehicle.extensions(label))
+            if not longer:
+                break
+            label = min(longer, key=lambda one: (one.route[-1] in vehicle.stops, one.length))
+            for group in model.groups or ():
+                bits = sum(vehicle.bits[node] for node in group)
+                if label.nodes & bits:
+                    label = label._replace(nodes=label.nodes | bits)
+            if label.nodes != visited and math.isfinite(vehicle.measure(label)):
+                route, visited = label.route, label.nodes
+        result.append(route)
+        used = visited
+    return result
 
 
 def best_routes(

@@ -33,7 +33,7 @@ from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
 from ..contract.backend import Answer, Feature, Guarantee, Limit, Request, Termination
 from .bound import trip_bound
-from .rich_tours import best_routes, refuse_rich, value_of_sets
+from .rich_tours import best_routes, first_routes, refuse_rich, value_of_sets
 from .rivals import FleetBackend
 from .start import first_plan
 
@@ -180,6 +180,11 @@ class _Search:
 
     def _rich(self) -> bool:
         """Fill the table of the tours of a rich fleet; return False after a stop."""
+        n, vehicles = self.model.customers.size, self.model.vehicles
+        for most in {n, -(-n // vehicles)}:  # few per vehicle, if each must have a route
+            plan = self.model.with_schedule(first_routes(self.model, most))
+            if self.model.verify(plan, tolerance=_ROUNDING).ok:
+                self._offer_plan(plan)
         tables = best_routes(self.model, lambda: self.control.stopped)
         if tables is None:
             return False
@@ -245,7 +250,9 @@ class _Search:
     def _offer(self, owned: list[int]) -> None:
         """Make the plan with the sets `owned` the incumbent if it is better."""
         routes = tuple(self._route(k, entry) for k, entry in enumerate(owned))
-        plan = self.model.with_schedule(routes)
+        self._offer_plan(self.model.with_schedule(routes))
+
+    def _offer_plan(self, plan: FleetPlan) -> None:
         value = value_of(self.model, plan)
         if value is not None and value < self.value:
             self.plan, self.value = plan, value

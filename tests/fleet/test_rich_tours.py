@@ -12,7 +12,7 @@ import crosstrack as ct
 from crosstrack.errors import UnsupportedFormulation
 from crosstrack.models import FleetRouting
 from crosstrack.solvers import Termination
-from crosstrack.solvers.fleet.rich_tours import best_routes
+from crosstrack.solvers.fleet.rich_tours import best_routes, first_routes
 
 SQUARE = [[0, 0], [3, 0], [0, 4], [5, 5]]
 
@@ -86,7 +86,8 @@ def test_a_charged_vehicle_reloads_again_on_its_way():
         1, costs=costs, objective="sum", demands=[0, 2, 2, 0, 0], capacity=2, reloads=[4],
         stations=[3], battery=10,
     )  # fmt: skip
-    assert solved(model).plan.routes == ((1, 4, 3, 4, 2),)
+    (route,) = solved(model).plan.routes
+    assert route in ((1, 4, 3, 4, 2), (2, 4, 3, 4, 1))
 
 
 def test_an_idle_vehicle_has_no_return():
@@ -149,3 +150,30 @@ def test_a_depot_requires_no_skills(name):
         reloads=[0], demands=[0, 2, 2, 2], capacity=4,
     )  # fmt: skip
     assert ct.solve(barred, name, **({"seed": 1} if name == "pyvrp" else {})).plan is None
+
+
+def test_a_stopped_run_has_a_plan():
+    """Routes of 15 different vehicles through all sets of 8 nodes take minutes."""
+    points = np.random.default_rng(1).uniform(0, 100, (9, 2))
+    model = FleetRouting(
+        15, points=points, objective="cost", fixed_cost=np.arange(15.0), windows=[[[0, 1000]]] * 9,
+        demands=[0] + [1] * 8, capacity=np.arange(2, 17), service=[0] + [1] * 8,
+    )  # fmt: skip
+    answer = ct.solve(model, "subset-dp", time_limit=0.5)
+    assert answer.termination is Termination.FEASIBLE and answer.limit == "time"
+    assert answer.verified
+
+
+def test_first_routes_serve_most_drawn_fleets():
+    count = feasible = 0
+    for model in itertools.islice(supported("subset-dp", itertools.count()), 60):
+        best, _ = enumerate_best(model)
+        if not math.isfinite(best):
+            continue
+        count += 1
+        plans = [
+            model.with_schedule(first_routes(model, most))
+            for most in (model.size, -(-len(model.customers) // model.vehicles))
+        ]
+        feasible += any(model.verify(plan).ok for plan in plans)
+    assert feasible > 0.5 * count > 10

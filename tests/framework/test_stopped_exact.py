@@ -121,8 +121,9 @@ def test_a_stopped_run_returns_the_plan_of_its_heuristic(case, monkeypatch):
         assert found.termination == "feasible"
         assert found.limit in (Limit.TIME, Limit.TARGET)
     assert found.verified and not found.verification.within_tolerance
-    assert found.primal_bound >= best.dual_bound * (1 - 1e-9)
-    if found.dual_bound is not None:
+    if best.dual_bound is not None:  # a short run on a busy machine may have none
+        assert found.primal_bound >= best.dual_bound * (1 - 1e-9)
+    if found.dual_bound is not None and best.primal_bound is not None:
         assert found.dual_bound <= best.primal_bound * (1 + 1e-9)
 
 
