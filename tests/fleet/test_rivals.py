@@ -27,7 +27,7 @@ OWN = {
     "pyvrp": {"patience": 20},
 }
 #: Solvers of others, and the packages that they need.
-YARDSTICKS = {"ortools-routing": "ortools.constraint_solver.pywrapcp", "pyvrp": "pyvrp"}
+YARDSTICKS = {"ortools-routing": "ortools", "pyvrp": "pyvrp"}
 #: Pairs of backend and unsupported objective.
 REFUSED = {("pyvrp", "range"), ("pyvrp", "sum-deviation"), ("pyvrp", "sum-variance")}
 #: Those that share nodes out and find tours then; they seek no limits.
@@ -265,10 +265,9 @@ def test_no_plan_betters_the_best_of_all_and_yardsticks_find_it(case: str) -> No
 
 @pytest.mark.parametrize("name", ["ortools-routing", "pyvrp"])
 def test_yardsticks_stop_in_time(name: str) -> None:
-    pytest.importorskip(YARDSTICKS[name], reason=f"{name} is not installed")
     for objective in ("max", "sum"):
-        points = np.random.default_rng(2).random((30, 2))  # a first plan takes 20 ms
-        found = ct.solve(FleetRouting(8, points=points, objective=objective), name, time_limit=1.0)
+        points = np.random.default_rng(2).random((30, 2))  # a first plan takes 20 ms, the import more
+        found = ct.solve(FleetRouting(8, points=points, objective=objective), name, time_limit=1.5)
         assert found.verification.ok
         assert found.limit is Limit.TIME
         assert found.seconds["solve"] < 20.0
