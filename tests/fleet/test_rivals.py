@@ -266,7 +266,7 @@ def test_no_plan_betters_the_best_of_all_and_yardsticks_find_it(case: str) -> No
 @pytest.mark.parametrize("name", ["ortools-routing", "pyvrp"])
 def test_yardsticks_stop_in_time(name: str) -> None:
     for objective in ("max", "sum"):
-        points = np.random.default_rng(2).random((30, 2))  # a first plan takes 20 ms, the import more
+        points = np.random.default_rng(2).random((30, 2))  # a first plan takes 20 ms
         found = ct.solve(FleetRouting(8, points=points, objective=objective), name, time_limit=1.5)
         assert found.verification.ok
         assert found.limit is Limit.TIME

@@ -441,7 +441,7 @@ def test_calls_with_other_values_are_compiled_in_the_background_once(monkeypatch
     monkeypatch.setattr(compilation, "_process", process)
     monkeypatch.setattr(compilation, "_bodies", bodies)
     monkeypatch.setattr(compilation, "_requested", {})
-    monkeypatch.setattr(compilation, "_events", deque())  # later tests wait for those of the process
+    monkeypatch.setattr(compilation, "_events", deque())  # later tests wait for the others
     for number in range(100):
         arguments = (number, number / 7, [(0.5 * number, number)], np.full(3, number), number > 3)
         compilation.request("module", "kernel", arguments)
