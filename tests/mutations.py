@@ -61,6 +61,8 @@ EQUIVALENT: dict[str, str] = {
     "models/attractor/checks.py:max(BLOCK // (len(ahead) * self.states.shape[1]), 1) -> "
     "min(BLOCK // (len(ahead) * self.states.shape[1]), 1)":
         "neighbours are followed one at a time, with equal distances",
+    "models/attractor/checks.py:max(BLOCK // last, 1) -> min(BLOCK // last, 1)":
+        "distances are computed one row at a time, with equal values",
     "models/grid_path/checks.py:len(path) - 1 -> (len(path) + 1)":
         "the additional groups hold no segment",
     "models/grid_path/checks.py:cells + extent - a -> (cells + extent + a)":

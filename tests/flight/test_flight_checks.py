@@ -75,6 +75,21 @@ def test_rejects_jumps_wrong_ends_and_missing_visits():
     assert "continuity of position" in violated(around(), jumped)
 
 
+def test_rejects_visits_out_of_order():
+    model = around(waypoints=[[0, 5], [0, 5]])
+    plan = straight([[0, 0], [0, 5], [0, 2], [0, 5], [10, 5], [10, 0]])
+    assert model.verify(dataclasses.replace(plan, visits=[20.0, 60.0])).ok
+    assert violated(model, dataclasses.replace(plan, visits=[60.0, 20.0])) == ["visits in order"]
+
+
+def test_a_flight_among_moving_obstacles_begins_at_time_0():
+    model = around(moving=[MovingObstacle(0.1, [0], [[20, 20]])])
+    curve = straight([[0, 0], [0, 5], [10, 5], [10, 0]]).trajectory
+    for delay in (0.0, 1e-3, -1e-3):
+        delayed = FlightPlan(Trajectory(curve.times + delay, curve.coefficients))
+        assert violated(model, delayed) == (["begins at time 0"] if delay else [])
+
+
 def test_rejects_the_contact_with_a_moving_obstacle_and_names_it():
     cart = MovingObstacle(0.5, [0, 60], [[0, 6], [10, 6]])
     plan = straight([[0, 0], [0, 5], [10, 5], [10, 0]])
