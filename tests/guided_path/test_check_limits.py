@@ -91,6 +91,15 @@ def test_the_end_of_a_tour_may_be_late_by_the_tolerance(scale, share):
 
 
 @pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_the_tolerance_of_loads_is_relative_to_the_largest_pickup_or_delivery(scale, share):
+    pickups, excess = [scale] * 4, 4 * share * 1e-6
+    model = GuidedPathTour([0, 1, 2, 3, 4, 5], loads=[0, *pickups, -scale * (4 + excess)])
+    found = model.verify(GuidedPathPlan((1, 2, 3, 4, 5)))
+    assert [check.name for check in found.violated] == ["load within 0 … capacity"] * (share > 1)
+
+
+@pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize(("name", "fault"), pairs(FIELD_FAULTS))
 def test_one_fault_of_an_optional_field_is_named(name, fault, scale):
     order, vehicles, where, worst = fault
