@@ -277,7 +277,7 @@ def test_solution_is_shown_on_its_own_model_only(tmp_path):
 
 
 def test_failed_answer_states_no_evidence(tmp_path):
-    comparison = ct.compare([ct.load("fleet/example")], ["highs", "cp-sat"], time_limit=10)
+    comparison = ct.compare([ct.load("fleet/example")], ["highs", "cp-sat"], time_limit=60)
     page = ct.show(comparison, path=tmp_path / "c.html", open=False)
     failed = page.html.partition('aria-label="cp-sat')[2].partition("</section>")[0]
     assert ">failed</td>" in failed
