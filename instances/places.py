@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -36,6 +37,9 @@ _DEGREES = re.compile(
     r"CRS(84|83|27)\b|EPSG:+.*\b(4326|4258|4269|4267|4979|4171|4283|7844|4490|4612|6668|4674|4617|4277|4314)\b",
     re.IGNORECASE,
 )
+#: Reference systems of Web Mercator, whose metres grow with the latitude, and their radius, m.
+_MERCATOR = re.compile(r"EPSG:+.*\b(3857|3785|900913|102100|102113)\b", re.IGNORECASE)
+_RADIUS = 6378137.0
 
 
 class Places(NamedTuple):
@@ -49,6 +53,8 @@ class Places(NamedTuple):
         Their property ``id``, ``name`` or ``node``, if each point has one of its own.
     depots : list of int
         Indices of the points with the property ``"depot": true``.
+    demands : list
+        Property ``demand`` of each point, None if a point has none.
     lines : list of list
         Positions of each line, m.
     areas : tuple of Polygon
@@ -60,6 +66,7 @@ class Places(NamedTuple):
     points: list[list[float]]
     ids: list[Any] | None
     depots: list[int]
+    demands: list[Any]
     lines: list[list[list[float]]]
     areas: tuple[Polygon, ...]
     others: list[list[float]]
@@ -109,14 +116,22 @@ def read_places(path: Path, units: Any = None, others: list[list[float]] | None 
     except InvalidData as error:
         if str(error).startswith(str(path)):
             raise
-        raise InvalidData(f"{path}: {error}", field=error.field) from None
+        several = (
+            ""
+            if "Extra data" not in str(error)
+            else (
+                ": it may hold a feature per line, which ogr2ogr -f GeoJSON converts to one collection"
+            )
+        )
+        raise InvalidData(f"{path}: {error}{several}", field=error.field) from None
     labels = (
         [mark.properties.get(key) for mark in marks] if marks else [None]
         for key in ("id", "name", "node")
     )
     ids = next((row for row in labels if _distinct(row)), None)
     depots = [k for k, mark in enumerate(marks) if mark.properties.get("depot") is True]
-    return Places(flat[0], ids, depots, flat[1 : 1 + len(paths)], areas, moved)
+    demands = [mark.properties.get("demand") for mark in marks]
+    return Places(flat[0], ids, depots, demands, flat[1 : 1 + len(paths)], areas, moved)
 
 
 def _distinct(labels: list[Any]) -> bool:
@@ -160,13 +175,15 @@ def planar(content: Mapping[str, Any], groups: list[Any], units: Any, where: str
             field="coordinates",
         )
     crs = content.get("crs")
-    name = show(crs) if crs is not None else ""
+    name = crs if isinstance(crs, str) else ""
     if isinstance(crs, Mapping) and isinstance(crs.get("properties"), Mapping):
-        name = str(crs["properties"].get("name", name))
+        name = str(crs["properties"].get("name", ""))
     far = any(abs(x) > 360 or abs(y) > 90 for group in groups for x, y, *_ in group)
     if unit is None:
         if name:
             unit = "degrees" if _DEGREES.search(name) else "metres"
+            if _MERCATOR.search(name):
+                unit, groups = "degrees", [list(map(_from_mercator, group)) for group in groups]
             if unit == "metres":
                 log.warning("%s: coordinates in %s are read as metres", where, name)
         else:
@@ -186,6 +203,13 @@ def planar(content: Mapping[str, Any], groups: list[Any], units: Any, where: str
     return [[next(rows) for _ in group] for group in groups]
 
 
+def _from_mercator(position: list[float]) -> list[float]:
+    """Return a position in Web Mercator (m) as longitude and latitude (degrees) and its further entries."""
+    x, y, *rest = position
+    latitude = math.atan(math.sinh(y / _RADIUS)) if abs(y) < 20 * _RADIUS else math.inf
+    return [math.degrees(x / _RADIUS), math.degrees(latitude), *rest]
+
+
 def fleet_of_places(path: Path, *, units: Any = None, **data: Any) -> FleetRouting:
     """Return the routing of a fleet through the points in a GeoJSON file."""
     from ..models.fleet.model import FleetRouting
@@ -193,6 +217,8 @@ def fleet_of_places(path: Path, *, units: Any = None, **data: Any) -> FleetRouti
     places = read_places(path, units)
     places.require(path, FleetRouting.kind, "points")
     depots = {"depots": places.depots} if places.depots else {}
+    if "demands" not in data and any(value is not None for value in places.demands):
+        data["demands"] = Array(("n",)).coerce("demands", places.demands, {}).tolist()
     fields = {"points": [point[:2] for point in places.points]}
     return FleetRouting.from_data(
         joined(fields, {**_named(places), **depots, **data}), name=path.stem

@@ -213,8 +213,12 @@ class Rows:
                 head[k][1][:] = with_units(labels, cells, f"{self.file}, line {line}")
                 del head[k + 1]
                 break
-        yield from head
-        yield from source
+        labels = head[0][1] if head else []
+        width = max((k for k, label in enumerate(labels, 1) if label), default=0)
+        for line, cells in itertools.chain(head, source):
+            # Spreadsheets write a separator after the last column of every row.
+            has_tail = not any(map(is_numeric, labels)) and not any(cells[width:])
+            yield line, cells[:width] if has_tail else cells
 
     def _drop_titles(self, head: list[tuple[int, list[str]]]) -> None:
         """Remove the rows with one value above the header from `head`, and log them."""

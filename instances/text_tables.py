@@ -36,6 +36,8 @@ ENCODINGS = (
     "windows-1252", "cp1252", "windows-1250", "windows-1251", "koi8-r", "gbk", "gb18030", "big5",
     "shift_jis", "euc-kr", "mac-roman",
 )  # fmt: skip
+#: Byte-order marks of UTF-16.
+_MARKS = (b"\xff\xfe", b"\xfe\xff")
 #: First line and cells of a row, whether it begins with a mark of comments, and whether a blank follows.
 Record = tuple[int, list[str], bool, bool]
 
@@ -44,8 +46,14 @@ def read_table_text(file: Path, encoding: str | None) -> str:
     """Return the text of a file in `encoding`, by default UTF-8, or UTF-16 with its mark."""
     name = Optional(Text()).coerce("encoding", encoding, {})
     raw = read_bytes(file)
+    if name is None and b"\0" in raw[:GLANCE] and raw[:2] not in _MARKS:
+        raise InvalidData(
+            f"{file}: contains zero bytes, as UTF-16 without a byte-order mark: save it as UTF-8, or give "
+            "its encoding, such as encoding='utf-16-le' (on the command line --encoding utf-16-le)",
+            field="encoding",
+        )
     if name is None:
-        if raw[:2] not in (b"\xff\xfe", b"\xfe\xff"):
+        if raw[:2] not in _MARKS:
             try:
                 return decoded(raw, file)
             except InvalidData as error:

@@ -31,19 +31,22 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-#: Row and column indices of the numbers in a distance matrix, by format.
+#: Row and column indices of the numbers in a distance matrix, by format. Columns of one half are rows of the other.
 _FORMATS: dict[str, Callable[[int], Any]] = {
-    "FULL_MATRIX": lambda n: np.indices((n, n)).reshape(2, -1),
-    "UPPER_ROW": lambda n: np.triu_indices(n, 1),
-    "LOWER_ROW": lambda n: np.tril_indices(n, -1),
-    "UPPER_DIAG_ROW": np.triu_indices,
-    "LOWER_DIAG_ROW": np.tril_indices,
+    name: indices
+    for names, indices in {
+        "FULL_MATRIX": lambda n: np.indices((n, n)).reshape(2, -1),
+        "UPPER_ROW LOWER_COL": lambda n: np.triu_indices(n, 1),
+        "LOWER_ROW UPPER_COL": lambda n: np.tril_indices(n, -1),
+        "UPPER_DIAG_ROW LOWER_DIAG_COL": np.triu_indices,
+        "LOWER_DIAG_ROW UPPER_DIAG_COL": np.tril_indices,
+    }.items()
+    for name in names.split()
 }
 #: Keywords that a reader uses or can ignore, with their supported values; all others are refused.
-_ANY: tuple[str, ...] = ()
-COMMON = dict.fromkeys(
+COMMON: dict[str, tuple[str, ...]] = dict.fromkeys(
     ("NAME", "COMMENT", "DIMENSION", "EDGE_WEIGHT_TYPE", "EDGE_WEIGHT_FORMAT", "DISPLAY_DATA_TYPE",
-     "NODE_COORD_SECTION", "EDGE_WEIGHT_SECTION", "DISPLAY_DATA_SECTION"), _ANY,
+     "NODE_COORD_SECTION", "EDGE_WEIGHT_SECTION", "DISPLAY_DATA_SECTION"), (),
 ) | {"NODE_COORD_TYPE": ("TWOD_COORDS", "NO_COORDS")}  # fmt: skip
 _KEYS = {**COMMON, "TYPE": ("TSP", "ATSP")}
 
@@ -214,9 +217,8 @@ def _matrix(content: KeywordFile, size: int) -> Floats:
         )
     matrix = np.zeros((size, size))
     matrix[rows, columns] = numbers
-    return (
-        matrix if form == "FULL_MATRIX" else matrix + np.tril(matrix, -1).T + np.triu(matrix, 1).T
-    )
+    is_half = form != "FULL_MATRIX"
+    return matrix + np.tril(matrix, -1).T + np.triu(matrix, 1).T if is_half else matrix
 
 
 _COLUMNS = (

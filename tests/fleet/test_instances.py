@@ -186,6 +186,10 @@ def test_distances_real_and_rounded(tmp_path):
         ("LOWER_ROW", "1 2\n3.5"),
         ("UPPER_DIAG_ROW", "0 1 2 0 3.5 0"),
         ("LOWER_DIAG_ROW", "0\n1 0\n2 3.5 0"),
+        ("UPPER_COL", "1\n2 3.5"),
+        ("LOWER_COL", "1 2\n3.5"),
+        ("UPPER_DIAG_COL", "0\n1 0\n2 3.5 0"),
+        ("LOWER_DIAG_COL", "0 1 2\n0 3.5\n0"),
     ],
 )
 def test_matrices(form, numbers, tmp_path):
@@ -263,7 +267,7 @@ def test_rejects_damaged_coordinates_beside_a_matrix(old, new, message, tmp_path
 @pytest.mark.parametrize(
     ("form", "numbers", "message"),
     [
-        ("UPPER_COL", "1 2 3", "EDGE_WEIGHT_FORMAT must be one of FULL_MATRIX"),
+        ("FUNCTION", "1 2 3", "EDGE_WEIGHT_FORMAT must be one of FULL_MATRIX"),
         ("UPPER_ROW", "1 2", "EDGE_WEIGHT_SECTION must hold 3 numbers, got 2"),
         ("UPPER_ROW", "1 2 x", "EDGE_WEIGHT_SECTION must hold finite numbers, got 'x'"),
         ("UPPER_ROW", "1 2 inf", "must hold finite numbers, got 'inf'"),

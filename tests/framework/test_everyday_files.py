@@ -22,6 +22,7 @@ from crosstrack.errors import (
     UnsupportedOption,
 )
 from crosstrack.instances import FileFormat, Target, file_formats, recognise, register_format
+from crosstrack.instances.projection import project_positions
 from crosstrack.models import FleetRouting, model_types
 
 
@@ -212,6 +213,47 @@ def test_geojson_states_its_unit(tmp_path):
     path.write_text(POINTS_IN.format(crs))
     fleet = ct.load(path, data={"vehicles": 1})
     assert np.ptp(fleet.points[:, 0]) == pytest.approx(42_697.6, rel=1e-4)
+    path.write_text(POINTS_IN.format('"crs": {"type": "link", "properties": {"href": "crs.prj"}},'))
+    with pytest.raises(InvalidData, match="coordinates may be degrees"):
+        ct.load(path, data={"vehicles": 1})
+
+
+def test_web_mercator_is_projected_from_its_degrees(tmp_path):
+    """Its metres are longer than those on the ground, by half at 48° north."""
+    degrees = [(11.5, 48.0), (11.6, 48.1)]
+    metres = [
+        [np.radians(x) * 6378137.0, np.arctanh(np.sin(np.radians(y))) * 6378137.0]
+        for x, y in degrees
+    ]
+    path = tmp_path / "tiles.geojson"
+    shapes = [("Point", place, {}) for place in metres]
+    path.write_text(everyday.collection(*shapes, crs="EPSG::3857"))
+    points = ct.load(path, data={"vehicles": 1}).points
+    expected = project_positions([48.0, 48.1], [11.5, 11.6])
+    assert points == pytest.approx(expected, abs=1e-6)
+
+
+def test_demands_of_geojson_points_are_read(tmp_path):
+    shapes = [("Point", [k, k], {"demand": k}) for k in range(3)]
+    path = tmp_path / "stops.geojson"
+    path.write_text(everyday.collection(*shapes, units="metres"))
+    data = {"vehicles": 1, "capacity": 3}
+    assert ct.load(path, data=data).demands.tolist() == [0, 1, 2]
+    assert ct.load(path, data={**data, "demands": [0, 2, 1]}).demands.tolist() == [0, 2, 1]
+    with pytest.raises(InvalidData, match="capacity must be given together with demands"):
+        ct.load(path, data={"vehicles": 1})
+    path.write_text(everyday.collection(*shapes, ("Point", [3, 3], {}), units="metres"))
+    with pytest.raises(InvalidData, match=r"demands\[3\] must be a number, got None"):
+        ct.load(path, data=data)
+
+
+def test_a_feature_per_line_has_a_remedy(tmp_path):
+    path = tmp_path / "stops.geojsonl"
+    place = {"type": "Point", "coordinates": [1, 2]}
+    lines = [{"type": "Feature", "properties": {}, "geometry": place}] * 2
+    path.write_text("\n".join(map(json.dumps, lines)))
+    with pytest.raises(InvalidData, match=r"Extra data: .* ogr2ogr -f GeoJSON converts"):
+        ct.load(path, data={"vehicles": 1})
 
 
 POINTS_IN = '{{"type": "MultiPoint", {} "coordinates": [[100, 40], [100.5, 40]]}}'
