@@ -35,6 +35,7 @@ __all__ = [
     "request",
     "restore",
     "serve",
+    "slowdown",
     "stamp_of",
     "type_of_callee",
     "wait_for",
@@ -263,6 +264,14 @@ def wait_for(module: str, name: str, arguments: tuple[Any, ...], end: float) -> 
         if time.perf_counter() > end:
             return False
     return True
+
+
+def slowdown() -> float:
+    """Return how many processes share a processor, at least 1, from the load average of the last minute."""
+    try:
+        return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+    except (AttributeError, OSError):  # Windows has no load average
+        return 1.0
 
 
 def is_small(arguments: tuple[Any, ...]) -> bool:

@@ -74,8 +74,9 @@ _SILENCE = 1.0
 #: Seconds for importing Numba and loading the first compiled code (0.35 measured), and for loading another
 #: kernel with all that it calls (at most 0.02 measured, for 46 kernels).
 _IMPORT, _LOAD = 0.4, 0.03
-#: Largest share of the time left for compiling; other processes may slow it down.
-_SHARE = 0.15
+#: Largest share of the time left for compiling, and ratio of measured to expected seconds from which a run
+#: with a limit compiles nothing more: other processes may slow it down.
+_SHARE, _SLOW = 0.15, 2.0
 #: Largest share of the time left for waiting until another process has compiled a kernel, and seconds without
 #: a limit, after which the kernel is compiled here: the process may be stopped, or busy with other kernels.
 _PATIENCE, _LONGEST = 0.25, 60.0
@@ -137,6 +138,8 @@ class Kernel:
         self.py_func = function
         self.interpretable, self.in_place, self.allocates = interpretable, in_place, allocates
         self._ready = False
+        #: CPU seconds of the last interpreted call if nothing can end it early.
+        self._last = 0.0
         update_wrapper(self, function)
 
     @property
@@ -177,6 +180,11 @@ class Kernel:
         """Whether the cache on disk holds nothing of the kernel."""
         return not compilation.may_be_cached(self.py_func)
 
+    @cached_property
+    def _calls_kernels(self) -> bool:
+        """Whether the loop calls kernels, at which an interpreted call can end."""
+        return len(compilation.callees(self)) > 1
+
     def _start_compiling(self, arguments: tuple[Any, ...]) -> threading.Event | None:
         """Start to compile in the background; None if this call does not interpret meanwhile."""
         short = self._compile_seconds < _APART or not current_limit().allows_trial
@@ -192,7 +200,7 @@ class Kernel:
         begin = thread_time()
         _here.call, _here.deadline = (self, arguments), begin + _left
         try:
-            if _left <= 0.0:
+            if _left <= self._last:
                 _extend_budget()
             return self._interpret(arguments)
         except _BudgetUsedUp:
@@ -201,6 +209,7 @@ class Kernel:
         finally:
             _here.call, _here.event, _here.deadline = None, None, 0.0
             spent = thread_time() - begin
+            self._last = 0.0 if self._calls_kernels else spent
             _left, _ahead = max(_left - spent, 0.0), _ahead - max(spent - _left, 0.0)
 
     def _stretch(self, arguments: tuple[Any, ...]) -> Any:
@@ -237,7 +246,8 @@ class Kernel:
         seconds = 0.0 if "numba" in sys.modules else _IMPORT
         if left <= seconds + _LOAD:
             raise _DoesNotFit
-        if seconds + self._compile_seconds <= _SHARE * left and current_limit().may_compile:
+        expected = (seconds + self._compile_seconds) * compilation.slowdown()
+        if expected <= _SHARE * left and current_limit().may_compile:
             return
         if "numba" not in sys.modules and not compilation.may_be_cached(self.py_func):
             raise _DoesNotFit  # and the import of Numba is saved
@@ -256,7 +266,9 @@ class Kernel:
 
     def _compile_apart(self, arguments: tuple[Any, ...], timer: threading.Timer) -> None:
         """Start the timer and wait for the background process, if compiling the kernel takes long."""
-        if self._compile_seconds < _APART:
+        is_limited = current_limit().end < float("inf")
+        is_short = self._compile_seconds < _APART
+        if is_short and (is_limited or not compilation.is_running()):
             return
         with _compiling:
             has_cache = hasattr(getattr(self.dispatcher, "_cache", None), "_cache_file")
@@ -267,7 +279,6 @@ class Kernel:
         _ending.add(thread)  # so that a stop request ends the wait
         try:
             limit, begin = current_limit(), perf_counter()
-            is_limited = limit.end < float("inf")
             # Under load, the process may take far longer than expected.
             patience = _PATIENCE * (limit.end - begin) if is_limited else _LONGEST
             if is_limited:  # the kernel is interpreted after a vain wait
@@ -381,7 +392,10 @@ class Kernel:
             stack.enter_context(_compiling)
             stack.enter_context(event.install_listener("numba:compile", CompileListener()))
             result = work()
-            add_compile_time(perf_counter() - begin)
+            spent = perf_counter() - begin
+            add_compile_time(spent)
+            if spent > _SLOW * (_IMPORT + self._compile_seconds):
+                current_limit().may_compile = False
         return result
 
     def _announce(self) -> None:
@@ -448,10 +462,9 @@ def kernel(
 
 def _extend_budget() -> None:
     """Let the background process compile and extend the budget once, or raise ``_BudgetUsedUp``."""
-    event = (
-        _here.call[0]._start_compiling(_here.call[1]) if _here.call and not _here.event else None
-    )
-    if event is None or event.is_set():
+    call = _here.call
+    event = call[0]._start_compiling(call[1]) if call and not _here.event else None
+    if call is None or event is None or event.is_set() or call[0]._last > _ahead:
         raise _BudgetUsedUp
     _here.event, _here.deadline = event, thread_time() + _ahead
 

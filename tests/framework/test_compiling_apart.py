@@ -88,6 +88,86 @@ def test_waits_are_bounded_with_and_without_a_limit(monkeypatch, limit, largest)
     assert increased._ready == (limit is None)
 
 
+@pytest.fixture
+def increased():
+    """Kernel that takes far less than `jit._APART` to compile."""
+    pytest.importorskip("numba", reason="nothing is compiled without Numba")
+
+    @jit.kernel(interpretable=True)
+    def increased(value):
+        return value + 1
+
+    return increased
+
+
+@pytest.mark.parametrize(
+    ("limit", "runs", "waits"), [(None, True, 1), (None, False, 0), (1e6, True, 0)]
+)
+def test_a_running_background_process_compiles_short_kernels_of_unlimited_runs(
+    monkeypatch, increased, limit, runs, waits
+):
+    """Compiling them here took two of the five seconds of CPU of a first tour."""
+    names = []
+    monkeypatch.setattr(jit, "_left", 0.0)
+    monkeypatch.setattr(compilation, "is_cached", lambda *arguments: False)
+    monkeypatch.setattr(compilation, "is_running", lambda: runs)
+    monkeypatch.setattr(
+        compilation, "wait_for", lambda module, name, *_: names.append(name) or True
+    )
+    with jit.within(jit.Limit(limit)):
+        assert increased(1) == 2
+    assert len(names) == waits and increased._ready
+
+
+@pytest.mark.parametrize("processes", [1.0, 1e9])
+def test_a_run_with_a_limit_compiles_nothing_on_a_busy_machine(monkeypatch, increased, processes):
+    """A short route of 0.5 s of CPU took 13 s at a limit of 8 s, because compiling takes longer under load."""
+    monkeypatch.setattr(jit, "_left", 0.0)
+    monkeypatch.setattr(compilation, "slowdown", lambda: processes)
+    monkeypatch.setattr(compilation, "is_cached", lambda *arguments: False)
+    monkeypatch.setattr(compilation, "request", lambda *arguments: None)
+    with jit.within(jit.Limit(1e6)):
+        assert increased(1) == 2
+    assert increased._ready == (processes == 1.0)
+
+
+def test_a_run_with_a_limit_compiles_nothing_after_slow_compiling(monkeypatch, increased):
+    monkeypatch.setattr(jit, "_left", 0.0)
+    monkeypatch.setattr(jit, "_SLOW", 0.0)
+    limit = jit.Limit(1e6)
+    with jit.within(limit):
+        assert increased(1) == 2
+    assert increased._ready and not limit.may_compile
+
+
+@pytest.mark.parametrize(
+    ("load", "processes"), [((0.5, 9, 9), 1.0), ((6, 0, 0), 3.0), (OSError, 1.0)]
+)
+def test_the_load_of_the_machine_is_per_processor(monkeypatch, load, processes):
+    def getloadavg():
+        if load is OSError:
+            raise OSError
+        return load
+
+    monkeypatch.setattr(os, "getloadavg", getloadavg, raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    assert compilation.slowdown() == processes
+
+
+@pytest.mark.parametrize(("seconds", "compiled"), [(0.1, False), (10.0, True)])
+def test_a_loop_that_nothing_ends_early_is_not_begun_if_the_last_one_exceeds_the_budget(
+    monkeypatch, increased, seconds, compiled
+):
+    """The last of five searches of neighbours was interpreted for a second, with its code compiled meanwhile."""
+    monkeypatch.setattr(jit, "_left", 0.5)
+    monkeypatch.setattr(jit, "_ahead", 0.75)
+    monkeypatch.setattr(increased, "_start_compiling", lambda _: threading.Event())
+    increased._last = seconds
+    assert increased(1) == 2
+    assert increased._ready == compiled
+    assert increased._last < 0.1
+
+
 @pytest.mark.parametrize("waits_in_vain", [True, False])
 def test_a_kernel_is_interpreted_after_compiling_has_used_the_share(monkeypatch, waits_in_vain):
     """On a busy machine, the first kernels of a small model may take longer to compile than all may be interpreted."""
