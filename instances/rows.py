@@ -214,11 +214,12 @@ class Rows:
                 del head[k + 1]
                 break
         labels = head[0][1] if head else []
-        width = max((k for k, label in enumerate(labels, 1) if label), default=0)
+        filled = {k for _, cells in head for k, cell in enumerate(cells) if cell}
+        first, end = min(filled, default=0), max(filled, default=0) + 1
         for line, cells in itertools.chain(head, source):
-            # Spreadsheets write a separator after the last column of every row.
-            has_tail = not any(map(is_numeric, labels)) and not any(cells[width:])
-            yield line, cells[:width] if has_tail else cells
+            # Spreadsheets write empty columns beside the table, and a separator at the end of every row.
+            is_empty = not any((*map(is_numeric, labels), *cells[:first], *cells[end:]))
+            yield line, cells[first:end] if is_empty else cells
 
     def _drop_titles(self, head: list[tuple[int, list[str]]]) -> None:
         """Remove the rows with one value above the header from `head`, and log them."""

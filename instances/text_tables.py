@@ -46,7 +46,8 @@ def read_table_text(file: Path, encoding: str | None) -> str:
     """Return the text of a file in `encoding`, by default UTF-8, or UTF-16 with its mark."""
     name = Optional(Text()).coerce("encoding", encoding, {})
     raw = read_bytes(file)
-    if name is None and b"\0" in raw[:GLANCE] and raw[:2] not in _MARKS:
+    zeros = max(raw[k:GLANCE:2].count(0) for k in (0, 1))
+    if name is None and 4 * zeros > len(raw[:GLANCE]) and raw[:2] not in _MARKS:
         raise InvalidData(
             f"{file}: contains zero bytes, as UTF-16 without a byte-order mark: save it as UTF-8, or give "
             "its encoding, such as encoding='utf-16-le' (on the command line --encoding utf-16-le)",
