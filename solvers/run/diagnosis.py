@@ -207,10 +207,7 @@ def diagnose(
 
 
 def filtered(
-    model: Model[Any],
-    backend: str | Backend | None,
-    formulation: str | None,
-    limits: Limits,
+    model: Model[Any], backend: str | Backend | None, formulation: str | None, limits: Limits
 ) -> Diagnosis:
     """Return an infeasible set of row blocks, computed with a deletion filter.
 

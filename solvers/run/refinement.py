@@ -221,13 +221,7 @@ def _tighten(
 
 
 def _approximate(
-    run: Run,
-    problem: Any,
-    request: Request,
-    answer: Answer,
-    attend: Attend,
-    left: Left,
-    work: Work,
+    run: Run, problem: Any, request: Request, answer: Answer, attend: Attend, left: Left, work: Work
 ) -> tuple[Answer, Any]:
     """Solve finer and finer approximations, each from the last, until one is accurate enough."""
     rounds: list[_Round] = []
