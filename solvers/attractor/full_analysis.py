@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import asdict
 from typing import Any, ClassVar
 
@@ -86,11 +87,10 @@ class FullAnalysis(AttractorBackend):
             plan = part(backend, "dimension", given)
             chosen["dimension"] = None if plan is None else plan.dimension
         seed, poll = 0 if request.seed is None else request.seed, poll_of(request)
-        try:
-            embeddings, ahead = choose_embeddings(problem, chosen, poll)
-        except RunStopped:
-            embeddings = [embed(problem, chosen)]
-            ahead = embeddings[0].delay
+        first = embed(problem, chosen)
+        embeddings, ahead = [first], first.delay
+        with suppress(RunStopped):
+            embeddings, ahead = choose_embeddings(problem, chosen, poll, first)
         embedding, duration = embeddings[0], len(problem.series) * problem.period
         test = ranking = None
         try:

@@ -101,13 +101,7 @@ class Neighbours:
 
 
 def rosenstein_curve(
-    states: Floats,
-    theiler: int,
-    last: int,
-    high: int,
-    *,
-    references: int = MOST,
-    poll: Poll = bool,
+    states: Floats, theiler: int, last: int, high: int, *, references: int = MOST, poll: Poll = bool
 ) -> Curve:
     """Return the divergence of the states before `last` from their nearest neighbours, 0 … `high` steps ahead.
 

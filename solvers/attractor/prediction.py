@@ -83,15 +83,18 @@ def noise_level(states: Floats, theiler: int) -> float:
 
 
 def choose_embeddings(
-    problem: AttractorAnalysis, options: Mapping[str, Any], poll: Poll = bool
+    problem: AttractorAnalysis,
+    options: Mapping[str, Any],
+    poll: Poll = bool,
+    first: Embedding | None = None,
 ) -> tuple[list[Embedding], int]:
     """Return at most eight embeddings with the smallest prediction error, the best first, and the time ahead.
 
     The time ahead in samples is the delay of :func:`~.native.embed`, the same for all embeddings. Delay, dimension and
-    window of `options` are not changed. `poll` is called before each comparison. Raise InvalidData if the series is
-    too short for them.
+    window of `options` are not changed. `poll` is called before each comparison. `first` is the result of ``embed`` if it is
+    known. Raise InvalidData if the series is too short for them.
     """
-    first = embed(problem, options)
+    first = first or embed(problem, options)
     ahead = first.delay
     delays = sorted({max(ahead // part, 1) for part in DIVISORS}, reverse=True)
     delays = [ahead] if options.get("delay") else delays
