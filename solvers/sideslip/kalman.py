@@ -63,12 +63,8 @@ class KalmanFilter(SideslipBackend):
         filter_pass = filter_drive(problem, request.control)
         if filter_pass is None:
             return None
-        return claim(
-            problem,
-            filter_pass,
-            filter_pass.filtered[:, 0],
-            filter_pass.filtered_covariance[:, 0, 0],
-        )
+        angles, variances = filter_pass.filtered[:, 0], filter_pass.filtered_covariance[:, 0, 0]
+        return claim(problem, filter_pass, angles, variances)
 
 
 class RtsSmoother(SideslipBackend):

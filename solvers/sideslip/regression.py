@@ -342,14 +342,9 @@ def widen_by_kinematics(
         f"acceleration give, and at most {there:.2g}° on training drives: all deviations are wider for that"
     )
     wider = np.sqrt(deviation**2 + missing)
-    return Estimate(
-        angle,
-        wider,
-        describe_learning(learned),
-        message if missing else "",
-        learned.spread,
-        history=isinstance(learned, KernelRegression),
-    )
+    statistics, is_kernel = describe_learning(learned), isinstance(learned, KernelRegression)
+    remark = message if missing else ""
+    return Estimate(angle, wider, statistics, remark, learned.spread, history=is_kernel)
 
 
 def describe_learning(learned: KernelRegression | StraightLine) -> dict[str, float]:
