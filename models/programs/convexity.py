@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .curvature import least_curvature
 
-__all__ = ["Outputs", "TooLarge", "Value", "named", "stack"]
+__all__ = ["MOST", "Outputs", "TooLarge", "Value", "named", "stack"]
 
 Floats = NDArray[np.float64]
 
@@ -158,7 +158,7 @@ class Outputs:
         self, function: Any, arguments: list[Any], inputs: list[tuple[Any, Value]]
     ) -> None:
         symbols = casadi.vertcat(*(symbol for symbol, _ in inputs))
-        outputs = [casadi.densify(output) for output in function(*arguments)]
+        outputs = [casadi.densify(output) for output in function.call(arguments)]
         scalar = casadi.Function("scalar", [symbols], outputs)
         if scalar.n_instructions() > MOST:
             raise TooLarge
@@ -171,6 +171,10 @@ class Outputs:
     def is_affine(self, output: int) -> list[bool]:
         """Return for each entry of an output whether it is affine."""
         return [value.is_affine for value in self._apart[output]]
+
+    def signs(self, output: int) -> list[int]:
+        """Return for each entry of an output its sign, 0 if it is unknown."""
+        return [value.sign if value.is_known else 0 for value in self._apart[output]]
 
     def is_curved(self, output: int, side: int) -> list[bool]:
         """Return for each entry of an output whether it is convex (`side` 1) or concave (-1)."""

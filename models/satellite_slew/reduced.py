@@ -51,15 +51,7 @@ class Reduced(Gauss):
 
     # -- plans -----------------------------------------------------------------------------------
 
-    def encode(self, plan: ControlPlan) -> Floats:
-        """Return the columns that sample `plan`."""
-        return super().encode(self._narrowed(plan))
-
-    def decode(self, point: Floats) -> ControlPlan:
-        """Return the slew's plan."""
-        return self._widened(super().decode(point))
-
-    def _widened(self, plan: ControlPlan) -> ControlPlan:
+    def _to_model(self, plan: ControlPlan) -> ControlPlan:
         """Return the slew's plan, with attitude and rates at some more nodes than the gimbal angles."""
         part = plan.phases[0]
         nodes = tuple(
@@ -85,7 +77,7 @@ class Reduced(Gauss):
         wheels = SlewMotion.of(model).body_momentum(np.zeros(3), gimbals)
         return np.asarray(np.linalg.solve(model.inertia, (body - wheels).T).T, float)
 
-    def _narrowed(self, plan: ControlPlan) -> ControlPlan:
+    def _to_problem(self, plan: ControlPlan) -> ControlPlan:
         """Return the plan of the reduced problem."""
         part = slew_phase(plan, self.model.gyro_count)
         tables = tuple(
@@ -103,7 +95,7 @@ class Reduced(Gauss):
         The rates are no states of the reduced problem. The costates of the attitude are λ_q = (∂σ/∂q)ᵀ
         λ_σ, so that λ·ẋ and the Hamiltonian are those of the reduced problem.
         """
-        part = self._with_costates(super().decode(point), duals).phases[0]
+        part = self._with_costates(self._plan_at(point), duals).phases[0]
         costates = part.costates
         if costates is None:
             return plan
@@ -121,10 +113,6 @@ class Reduced(Gauss):
         return replace(plan, phases=(replace(plan.phases[0], costates=whole),))
 
     # -- refinement and other starts -------------------------------------------------------------
-
-    def _verifies(self, plan: ControlPlan, tolerance: float) -> bool:
-        # The slew's checks bound angles in radians, and the rates.
-        return self.model.verify(self._widened(plan), tolerance=tolerance).ok
 
     def alternatives(self) -> Iterator[Any]:
         """Return no other meshes."""
@@ -145,17 +133,9 @@ class Reduced(Gauss):
         plan: ControlPlan = self.model.lower().formulate("gauss").started(seed)._start
         return plan
 
-    def guessed(self, plan: ControlPlan) -> Self:
-        """Return the formulation started at `plan`."""
-        return super().guessed(self._narrowed(plan))
-
-    def fitted(self, plan: ControlPlan) -> Self:
-        """Return the formulation on the plan's mesh."""
-        return super().fitted(self._narrowed(plan))
-
     def statistics(self, plan: ControlPlan) -> dict[str, float | int | str]:
         """Return the size of the mesh, the change of the objective, and the spread of the Hamiltonian."""
-        result = super().statistics(self._narrowed(plan))
+        result = super().statistics(plan)
         if plan.phases[0].costates is not None:
             reports = hamiltonian_spread(self.model.lower(), plan)
             result["hamiltonian_spread"] = reports[0].relative

@@ -216,10 +216,11 @@ EXCEPTIONS = {
         ),
     ),
     "optimal_control": (
-        14_433,
+        14_867,
         (
             "the own Jacobian of programs is 2.9 to 270 times as fast as CasADi's, the Hessian 1.8 to 2.5; "
-            "scenarios, flights, arcs, algebraic equations, estimation, convexity and prepared steps were added"
+            "scenarios, flights, arcs, algebraic equations, estimation, convexity and prepared steps were added; "
+            "the epigraph form of costs with kinks has 420"
         ),
     ),
     "sideslip": (
@@ -267,4 +268,4 @@ def test_the_package_keeps_its_ceiling(checkout):
     rooms = ("models", "solvers", "instances", "cli")
     files = [path for room in rooms for path in (checkout / room).rglob("*.py")]
     files += checkout.glob("*.py")
-    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 165_235
+    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 165_651

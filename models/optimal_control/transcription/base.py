@@ -17,6 +17,7 @@ from ...programs.base import Program
 from ...programs.nonlinear import NonlinearProgram
 from ..convexity import is_convex
 from ..definition import Phase
+from ..epigraph import Epigraph, epigraph_of
 from ..hamiltonian import hamiltonian_spread
 from ..model import OptimalControlProblem
 from ..plan import ControlPlan
@@ -137,8 +138,20 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     @property
     def problem(self) -> OptimalControlProblem:
-        """Problem that is transcribed, with its own plans; by default the model."""
-        return self.model
+        """Problem that is transcribed, with its own plans; by default the model, without kinks in its costs."""
+        return self.model if self._epigraph is None else self._epigraph.problem
+
+    @property
+    def _epigraph(self) -> Epigraph | None:
+        return epigraph_of(self.model.definition, self.model.name)
+
+    def _to_problem(self, plan: ControlPlan) -> ControlPlan:
+        """Return the plan of the transcribed problem for a plan of the model."""
+        return plan if self._epigraph is None else self._epigraph.extended(plan)
+
+    def _to_model(self, plan: ControlPlan) -> ControlPlan:
+        """Return the model's plan for a plan of the transcribed problem."""
+        return plan if self._epigraph is None else self._epigraph.reduced(plan)
 
     @property
     def meshes(self) -> tuple[Mesh, ...]:
@@ -202,10 +215,14 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def encode(self, plan: ControlPlan) -> Floats:
         """Return the columns that sample `plan`, which satisfies the rows up to the mesh's resolution."""
-        return sample(self.layout, plan)
+        return sample(self.layout, self._to_problem(plan))
 
     def decode(self, point: Floats) -> ControlPlan:
         """Return the plan with the polynomials that the columns represent."""
+        return self._to_model(self._plan_at(point))
+
+    def _plan_at(self, point: Floats) -> ControlPlan:
+        """Return the plan of the transcribed problem."""
         return interpolate(self.layout, point)
 
     def explained(self, plan: ControlPlan, point: Floats, duals: Floats) -> ControlPlan:
@@ -256,7 +273,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def _verifies(self, plan: ControlPlan, tolerance: float) -> bool:
         """Return whether a plan passes the verification that decides about the answer."""
-        return self.model.verify(plan, tolerance=tolerance).ok
+        return self.model.verify(self._to_model(plan), tolerance=tolerance).ok
 
     def _following(
         self, finding: Finding, plan: ControlPlan, objective: float, rows: tuple[Any, ...]
@@ -369,7 +386,8 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def fitted(self, plan: ControlPlan) -> Self:
         """Return the formulation on the plan's mesh, if the scheme supports its degrees."""
-        meshes, fixed = tuple(map(mesh_of, plan.phases)), self.rules.fixed_degree
+        phases = self._to_problem(plan).phases
+        meshes, fixed = tuple(map(mesh_of, phases)), self.rules.fixed_degree
         if fixed is not None and any((mesh.degrees != fixed).any() for mesh in meshes):
             return self
         return self._with(_meshes=meshes)
@@ -400,7 +418,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def guessed(self, plan: ControlPlan) -> Self:
         """Return the formulation started at `plan`, such as the plan for another initial state."""
-        return self._with(_start=plan)
+        return self._with(_start=self._to_problem(plan))
 
     def _with(self, **changes: Any) -> Self:
         kept = ("_meshes", "_history", "_start", "_past_rows")
@@ -408,6 +426,7 @@ class Transcription(Formulation[OptimalControlProblem, ControlPlan]):
 
     def statistics(self, plan: ControlPlan) -> dict[str, float | int | str]:
         """Return the size of the mesh, the change of the objective, and the spread of the Hamiltonian."""
+        plan = self._to_problem(plan)
         result: dict[str, float | int | str] = {
             "meshes": len(self._past_rows) + 1,
             **self._mesh_size,

@@ -44,7 +44,7 @@ def other_meshes(scheme: Any, formulation: Any) -> Iterator[tuple[str, Any]]:
 
     It is solved from the guess, and if no plan verifies once more from the best plan: at once or at the end.
     """
-    model, same = formulation.problem, {"dependent": formulation.dependent}
+    model, same = formulation.model, {"dependent": formulation.dependent}
     first, name = formulation._start, scheme.name
     linear = scheme(model, *LINEAR, **same)
     meshes = tuple(Mesh(m.fractions, m.degrees, m.degrees > 0, True) for m in linear.meshes)
