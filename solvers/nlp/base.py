@@ -204,7 +204,10 @@ class _Run:
         self.clock.lap("judge")
         if ending.ended is Ended.UNBOUNDED:
             return self.without_point(
-                ending, quality, Termination.NO_SOLUTION, "its iterates diverge"
+                ending,
+                quality,
+                Termination.NO_SOLUTION,
+                "its iterates diverge: the objective may be unbounded",
             )
         if quality is None or not quality.feasible:
             return self.warm_start_answer(ending) or self.infeasible(ending, quality)

@@ -42,6 +42,9 @@ _FEW = 20_000
 #: Mean of the scaled multipliers above which they have diverged: 1e15 with an equation that occurs twice. On 24
 #: programs of optimal control the mean was at most 1.5.
 DIVERGED = 1e6
+#: Largest scaled column of an iterate. Rounding then exceeds the tolerances of equations; at the default, 1e20, the
+#: iterates of an unbounded problem of control stall at about 1e18 and use up all iterations.
+DIVERGING = 1e12
 #: Option that marks a second attempt.
 _CAREFUL = "careful"
 #: Barrier parameter of a warm start, and its distance from bounds. From an optimum on a coarser mesh,
@@ -96,6 +99,7 @@ class Ipopt(CasadiNlp):
             "linear_solver": given["linear_solver"],
             # Bounds are not relaxed, so that a state does not exceed its bound.
             "bound_relax_factor": 0.0,
+            "diverging_iterates_tol": DIVERGING,
         }
         if self._mumps(request) and not given.get(_CAREFUL):
             options["mumps_pivot_order"] = _ORDERINGS[_ordering(program, request)]

@@ -268,7 +268,9 @@ def _approximate(
             run.history[-1]["then"] = "given up: finer meshes need too many iterations"
             break
         warm, seconds = None, left()
-        if Feature.WARM_START in run.target.backend.features:
+        # Without a limit, a feasible point is no minimum. A warm start would stay there, and is not tested for one.
+        is_stuck = answer.termination is Termination.FEASIBLE and answer.limit is None
+        if Feature.WARM_START in run.target.backend.features and not is_stuck:
             warm = program.guess
         run.target, problem = replace(run.target, formulation=finer), program
         limited = work.limit(problem, request)

@@ -107,3 +107,35 @@ def test_a_motion_with_random_controls_is_a_start():
     assert np.ptp(part(t), axis=0).max() > 0
     columns = formulation.draw(2)
     assert columns.shape == (formulation.program.size,)
+
+
+def free_motion(cost):
+    """Return the motion with a free control and a cost of its last state."""
+    ocp = OptimalControlProblem("free")
+    phase = ocp.phase(time=(0, 1))
+    x, v, u = phase.state("x", initial=0), phase.state("v", initial=0), phase.control("u")
+    phase.dynamics({x: v, v: u - x})
+    ocp.minimise(cost(phase.final(x)))
+    return ocp
+
+
+def test_stops_early_if_the_objective_is_unbounded():
+    ocp = OptimalControlProblem("free")
+    phase = ocp.phase(time=(0, 1))
+    x, u = phase.state("x", initial=0), phase.control("u")
+    phase.dynamics({x: u})
+    ocp.minimise(phase.final(x))
+    found = ct.solve(ocp, formulation="gauss")
+    assert found.termination == "no_solution" and "may be unbounded" in found.message
+    assert found.statistics["iterations"] < 200  # of 3000
+
+
+@pytest.mark.parametrize("options", [{"rounds": 2}, {"refine": False}])
+def test_a_plan_at_a_saddle_is_no_optimum_on_finer_meshes(options):
+    # The point at rest is stationary for -x², and a warm start on a finer mesh stays there.
+    found = ct.solve(
+        free_motion(lambda x: -(x**2)),
+        formulation="gauss",
+        formulation_options={"intervals": 2, "degree": 3, **options},
+    )
+    assert found.termination == "feasible" and "not a minimum" in found.message
