@@ -26,6 +26,8 @@ BETTER = 1e-3
 #: Starts on the coarse program: at least, and at most if they end at several optima or the first plan is
 #: not reached. Of 16 starts of the F-8 aircraft and the free-flying robot, 3 to 5 reach the best optimum.
 LEAST, MOST = 4, 8
+#: Number of starts at the optimum of the plan after which worse optima do not require more starts.
+AGREEING = 3
 #: Iterations of each of these starts, and of all together.
 COARSE_ITERATIONS, BUDGET = 200, 1000
 #: Optima on the coarse program that are compared on the first one.
@@ -148,9 +150,10 @@ def _optima(run: Run, coarse: Any, plan: Any, value: float, request: Request) ->
     `value` is the objective of the plan, which is replaced by that on the coarse program.
     """
     program, request = coarse.program, with_iterations(request, COARSE_ITERATIONS)
-    optima, spent, reached, several = dict[float, Any](), 0, False, False
+    optima, spent, reached, several, agreeing = dict[float, Any](), 0, False, False, 0
     for seed in range(MOST + 1):
-        if request.control.stopped or spent >= BUDGET or (reached and seed > LEAST and not several):
+        is_unlikely = not several or (agreeing >= AGREEING and min(optima) >= value)
+        if request.control.stopped or spent >= BUDGET or (reached and seed > LEAST and is_unlikely):
             break
         start = coarse.encode(plan) if seed == 0 else coarse.draw(seed)
         answer = run.attend(replace(program, guess=start), request)
@@ -160,7 +163,9 @@ def _optima(run: Run, coarse: Any, plan: Any, value: float, request: Request) ->
             continue
         if seed == 0:
             value, reached = bound, True
-        several |= abs(bound - value) > BETTER * abs(value)
+        is_other = abs(bound - value) > BETTER * abs(value)
+        several |= is_other
+        agreeing += seed > 0 and not is_other
         if all(abs(bound - known) > BETTER * abs(known) for known in optima):
             optima[bound] = answer
     better = sorted(bound for bound in optima if _is_better(optima[bound], value))

@@ -9,6 +9,7 @@ from control_motions import BRYSON, CURVE, round_a_disc
 import crosstrack as ct
 from crosstrack.models import OptimalControlProblem
 from crosstrack.models.optimal_control.transcription.starts import draw_flight
+from crosstrack.solvers.contract.backend import Answer, Request, Termination
 from crosstrack.solvers.run import starts
 
 
@@ -139,3 +140,29 @@ def test_a_plan_at_a_saddle_is_no_optimum_on_finer_meshes(options):
         formulation_options={"intervals": 2, "degree": 3, **options},
     )
     assert found.termination == "feasible" and "not a minimum" in found.message
+
+
+@pytest.mark.parametrize(
+    ("values", "count"),
+    [
+        ([5.0, 5.0, 5.0, 5.0, 6.0], starts.LEAST),  # three agree with the plan, and none is better
+        ([5.0, 5.0, 5.0, 6.0, 7.0], starts.MOST),
+        ([5.0, 5.0, 5.0, 5.0, 4.0], starts.MOST),
+    ],
+)
+def test_worse_optima_do_not_require_more_starts_if_most_starts_agree(values, count):
+    problem = free_motion(lambda x: x**2)
+    formulation = problem.formulate("gauss", intervals=1, degree=2)
+    points = iter(values + [6.0] * starts.MOST)
+    solved = []
+
+    class Fake:
+        def attend(self, program, request):
+            solved.append(next(points))
+            point, ended = program.guess, Termination.LOCALLY_OPTIMAL
+            return Answer(ended, point=point, primal_bound=solved[-1], statistics={"iterations": 1})
+
+    plan = formulation.decode(formulation.program.guess)
+    better = starts._optima(Fake(), formulation, plan, 5.0, Request())
+    assert len(solved) == count + 1
+    assert len(better) == (min(values) < 5.0)
