@@ -46,7 +46,7 @@ class CmaEs(BlackBoxBackend):
     extra = "blackbox"
     options: ClassVar[Mapping[str, Option]] = {
         "sigma": Option(
-            0.3,
+            0.2,
             "Standard deviation at the start, as a share of each range.",
             lower=1e-9,
             upper=10.0,
@@ -72,7 +72,7 @@ class CmaEs(BlackBoxBackend):
             import cma  # noqa: F401
 
     def search(self, objective: Objective) -> Mapping[str, Any]:
-        """Evolve from the warm start, then from random points, until the run ends."""
+        """Evolve from the warm start or the centre, then from random points, until the run ends."""
         from cma import CMAEvolutionStrategy
         from cma.fitness_models import SurrogatePopulation
 
@@ -98,8 +98,8 @@ class CmaEs(BlackBoxBackend):
         # A quadratic model cannot follow the steps between feasible and infeasible points.
         has_model = objective.options["surrogate"] and objective.problem.columns == 1
         restarts = 0
+        middle = np.full(size, 0.5)
         while True:
-            middle = objective.generator.random(size)
             if objective.start is not None:
                 middle[:d], objective.start = objective.start, None
             with quiet():  # about flat functions, which lead to a restart
@@ -116,6 +116,7 @@ class CmaEs(BlackBoxBackend):
             if restarts < _DOUBLED:
                 options["popsize"] = 2 * search.popsize
             restarts += 1
+            middle = objective.generator.random(size)
 
 
 class _Pymoo(BlackBoxBackend):

@@ -482,6 +482,14 @@ def test_the_portfolio_divides_the_time():
     assert str(answer.limit) == "time"
 
 
+def test_an_evolution_strategy_begins_around_the_centre():
+    if "cma-es" in LACKING:
+        pytest.skip("needs crosstrack[blackbox]")
+    _, oracle = search("cma-es", box("sphere", *[(-1, 1)] * 30, budget=200), population=200)
+    points = np.array(oracle.points)
+    assert np.abs(points.mean(axis=0)).max() < 0.15 and 0.3 < points.std() < 0.5
+
+
 @pytest.mark.parametrize(("d", "is_fitted"), [(40, True), (41, False), (1000, False)])
 def test_the_portfolio_fits_no_quadratic_model_in_many_variables(d, is_fitted):
     """A fit takes minutes with a hundred variables."""
