@@ -177,6 +177,7 @@ def pytest_collection() -> Generator[None, object, object]:
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(10_000, 20, 50)  # collections take 2 % of the time of the tests otherwise
         gc.enable()
 
 
