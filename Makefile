@@ -53,7 +53,9 @@ endef
 demo: .venv/runtime.stamp  ## Solve a 327-point instance with every algorithm, compare, draw the route
 	$(BIN)/crosstrack demo
 
-test: lint types check  ## Linter, formatter, type checker and all tests
+# The type checker uses one core, so the tests run beside it.
+test: lint  ## Linter, formatter, type checker and all tests
+	$(MAKE) --no-print-directory -j 2 types check
 
 # The loops are not compiled.
 bare: .venv/runtime.stamp  ## Install without extras elsewhere, and run every command on every problem
