@@ -142,10 +142,11 @@ def test_sight_in_special_places(text, a, b, expected):
         assert sees(cells, *ends, 2e-9) is expected
 
 
-def test_optimum_is_that_of_brute_force():
+@pytest.mark.parametrize("count", [35, pytest.param(60, marks=pytest.mark.slow)])
+def test_optimum_is_that_of_brute_force(count):
     rng = np.random.default_rng(3)
     ended = []
-    for _ in range(35):
+    for _ in range(count):
         model = drawn_model(rng)
         known = float(by_brute_force(model)[0])
         found = ct.solve(model, "any-angle")
