@@ -63,9 +63,10 @@ def built(loop, model, chains):
 # -- whole runs ----------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("seeds", [120, pytest.param(300, marks=pytest.mark.slow)])
 @each
-def test_tours_are_verified_and_no_shorter_than_the_shortest(backend):
-    for seed in range(120):
+def test_tours_are_verified_and_no_shorter_than_the_shortest(backend, seeds):
+    for seed in range(seeds):
         model = random_tour([seed, 5])
         plain, left = (answered(backend, model, **one) for one in ({}, {"passing": True}))
         assert (
