@@ -75,6 +75,9 @@ class Trainer(ABC):
     def weights(self) -> Weights:
         """Return the current weights without information about their origin."""
 
+    def close(self) -> None:
+        """End the processes of the trainer, if it has any."""
+
 
 @dataclass(frozen=True)
 class Training:

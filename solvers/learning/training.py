@@ -217,7 +217,10 @@ def train(
     training.require()
     with one_thread() if "torch" in training.requires else contextlib.nullcontext():
         work = _Work(training, course, file, resume)
-        ended = work.run(time_limit, on_progress)
+        try:
+            ended = work.run(time_limit, on_progress)
+        finally:
+            work.trainer.close()
     return Trained(
         training.name, file if work.best is not None else None, work.done, work.score,
         time.perf_counter() - work.began, ended, tuple(work.figures),
@@ -318,6 +321,8 @@ class _Work:
             or not 0 < best <= done
         ):
             raise InvalidData(f"{self.checkpoint}: is no checkpoint of a training")
+        # A checkpoint of an earlier version lacks newer options, which had their defaults.
+        saved = {**{key: option.default for key, option in self.training.options.items()}, **saved}
         for name in sorted({*saved, *self.settings}):
             if saved.get(name) != self.settings.get(name):
                 raise InvalidData(

@@ -8,6 +8,8 @@ allocation has a gradient.
 
 from __future__ import annotations
 
+from functools import reduce
+from operator import mul
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
@@ -103,7 +105,10 @@ def allocate(usage: Tensor) -> Tensor:
     from torch.nn import functional
 
     ordered, order = torch.sort(usage, dim=1, stable=True)
-    before = torch.cumprod(functional.pad(ordered, (1, 0), value=1.0), dim=1)[:, :-1]
+    padded = functional.pad(ordered, (1, 0), value=1.0)
+    # A CUDA graph cannot contain the derivative of cumprod, which reads a value back to the processor.
+    products = padded.log().cumsum(dim=1).exp() if padded.is_cuda else padded.cumprod(dim=1)
+    before = products[:, :-1]
     return torch.zeros_like(usage).scatter(1, order, (1.0 - ordered) * before)
 
 
@@ -113,14 +118,16 @@ def link(links: Tensor, precedence: Tensor, written: Tensor) -> tuple[Tensor, Te
 
     into, other = written[:, :, None], written[:, None, :]
     after = (1.0 - into - other) * links + into * precedence[:, None, :]
-    after = after * (1.0 - torch.eye(links.shape[1], dtype=links.dtype))
+    after = after * (1.0 - torch.eye(links.shape[1], dtype=links.dtype, device=links.device))
     return after, (1.0 - written.sum(dim=1, keepdim=True)) * precedence + written
 
 
 def write(before: Record, interface: Interface) -> Record:
     """Return the record after freeing the words read and writing one word."""
     # Retention and usage: a write marks a word as used, a read with an open free gate releases it.
-    retained = (1.0 - interface.free[:, :, None] * before.attended).prod(dim=1)
+    shares = 1.0 - interface.free[:, :, None] * before.attended
+    # The derivative of prod reads a value back too, see allocate.
+    retained = reduce(mul, shares.unbind(dim=1)) if shares.is_cuda else shares.prod(dim=1)
     usage = (before.usage + before.written - before.usage * before.written) * retained
     usage = _LEAST + (1.0 - _LEAST) * usage
     by_content = match(before.memory, interface.write_key, interface.write_strength)[:, 0]
@@ -175,7 +182,8 @@ def build_computer(
                 (heads, words),
                 (heads, width),
             ]
-            return Record(*(torch.zeros(count, *size) for size in [*sizes, (units,), (units,)]))
+            sizes += [(units,), (units,)]
+            return Record(*(self.output.weight.new_zeros(count, *size) for size in sizes))
 
         def forward(self, inputs: Tensor, record: Record) -> tuple[Tensor, Record]:
             vector = torch.cat([inputs, record.reads.flatten(1)], dim=1)

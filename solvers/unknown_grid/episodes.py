@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contract.option import Option
-from ..learning.gradient import GradientTrainer
+from ..learning.gradient import GradientTrainer, GraphReplay, epoch_generator
 from ..learning.trainer import Course
 from ..learning.weights import Weights
 from .imitation import (
@@ -27,6 +29,7 @@ from .imitation import (
     walk_through,
 )
 from .memory import Observation
+from .value_iteration import iterate
 
 if TYPE_CHECKING:
     import torch
@@ -54,10 +57,16 @@ IMITATION: Mapping[str, Option] = {
     ),
     "rate": Option(0.01, "the first learning rate", float, lower=0.0, upper=1.0),
     "judged": Option(128, "scenes of each task that an epoch is judged by", int, lower=1),
+    "device": Option("cpu", "device of the network; gpu needs CUDA", str, ("cpu", "gpu")),
 }
 _PAPER = {"law": "paper", "batches": 200, "batch": 64, "rate": 1e-4, "judged": 64}
 #: Options of the trainings of the paper. The defaults are the values of Table II.
 EPISODES = {name: replace(IMITATION[name], default=value) for name, value in _PAPER.items()}
+EPISODES["device"] = IMITATION["device"]
+EPISODES["workers"] = Option(
+    0, "processes that draw the batches of later epochs; 0 draws each batch when it is learned", int,
+    lower=0, upper=256,
+)  # fmt: skip
 #: Entries of an array above which it is rounded.
 _LARGE = 10_000
 
@@ -78,6 +87,10 @@ class Episodes(NamedTuple):
     def actions(self) -> Ints:
         """Actions of A* on the true map. Ties go to up, down, left, right in this order."""
         return first_of(self.best)
+
+    def mark_expert(self) -> Episodes:
+        """Return a copy that marks only the actions of A*."""
+        return self._replace(best=np.arange(4) == self.actions[:, None])
 
     def take(self, rows: Any) -> Episodes:
         """Return the steps at `rows`."""
@@ -101,6 +114,72 @@ def lead(
     looks, *others = zip(*records, strict=True)
     observed = Observation(*map(np.concatenate, zip(*looks, strict=True)))
     return Episodes(observed, *map(np.concatenate, others))
+
+
+def draw_task(course: Course, task: Task, count: int, generator: np.random.Generator) -> Scenes:
+    """Return random scenes of a task."""
+    law = course.options["law"]
+    return draw_scenes(course.examples, law, task.shape, (2, 5), count, generator)
+
+
+def draw_batch(
+    course: Course, part: int, recurrent: bool, batch: int, generator: np.random.Generator
+) -> Episodes:
+    """Return the steps of A* of a batch, see :class:`ImitationTrainer` for `part` and `recurrent`."""
+    size, task = course.options["batch"], TASKS[batch % len(TASKS)]
+    while True:
+        episodes = lead(draw_task(course, task, 2 * size if part else size, generator), task)
+        if part:
+            episodes = episodes.take(episodes.observed.seen == (part == 2))
+        if len(episodes.best):
+            break
+    episodes = episodes.take(np.isin(episodes.runs, np.unique(episodes.runs)[:size]))
+    if recurrent:
+        return episodes
+    return episodes.take(generator.permutation(len(episodes.best))[:size])
+
+
+def draw_epoch(course: Course, part: int, recurrent: bool, number: int) -> list[Episodes]:
+    """Return all batches of an epoch."""
+    generator, _ = epoch_generator(course.seed, number)
+    batches = range(course.options["batches"])
+    return [draw_batch(course, part, recurrent, batch, generator) for batch in batches]
+
+
+class BatchQueue:
+    """Batches of later epochs that worker processes draw. They equal those of :func:`draw_epoch`."""
+
+    def __init__(self, course: Course, part: int, recurrent: bool) -> None:
+        self.course, self.part, self.recurrent = course, part, recurrent
+        self._workers: ProcessPoolExecutor | None = None
+        self._epochs: dict[int, Future[list[Episodes]]] = {}
+
+    def take(self, number: int) -> list[Episodes] | None:
+        """Return the batches of an epoch, and request later epochs; None without workers."""
+        count = self.course.options["workers"]
+        if not count:
+            return None
+        if self._workers is None:
+            self._workers = ProcessPoolExecutor(count, get_context("spawn"))
+        for later in range(number, min(number + count + 1, self.course.epochs)):
+            if later not in self._epochs:
+                self._epochs[later] = self._workers.submit(
+                    draw_epoch, self.course, self.part, self.recurrent, later
+                )
+        return self._epochs.pop(number).result()
+
+    def close(self) -> None:
+        """Cancel the requested epochs and end the processes."""
+        if self._workers is not None:
+            self._workers.shutdown(cancel_futures=True)
+
+
+def _compute_losses(logits: torch.Tensor, correct: torch.Tensor) -> torch.Tensor:
+    """Return the negative logarithm of the total probability of the actions marked in `correct`, shape (n,)."""
+    import torch
+
+    marked = logits.masked_fill(~correct, -torch.inf)
+    return torch.logsumexp(logits, dim=1) - torch.logsumexp(marked, dim=1)
 
 
 class ImitationTrainer(GradientTrainer):
@@ -131,20 +210,34 @@ class ImitationTrainer(GradientTrainer):
     ) -> None:  # fmt: skip
         super().__init__(course, kind, network, architecture)
         self.part, self.recurrent, self.mixed = part, recurrent, mixed
+        self._queue = BatchQueue(course, part, recurrent)
+        self._batches: list[Episodes] | None = None
+        self._replay = GraphReplay(self._backward, self.device)
+        self._decide: Any = getattr(network, "decide", None)
+        self._iterate: Any = iterate
+        if self.device.type == "cuda":
+            self.compile()
 
-    def draw_scenes(self, task: Task, count: int, generator: np.random.Generator) -> Scenes:
-        """Return random scenes of a task."""
-        law = self.course.options["law"]
-        return draw_scenes(self.course.examples, law, task.shape, (2, 5), count, generator)
+    def close(self) -> None:
+        self._queue.close()
+
+    def compile(self, backend: str = "inductor") -> None:
+        """Compile the steps of the computer and of value iteration, whose short operations dominate the time."""
+        import torch
+
+        self._iterate = torch.compile(iterate, dynamic=True, backend=backend)
+        if self.recurrent:
+            self._decide = torch.compile(self.network.decide, backend=backend)
 
     def prepare(self, number: int, generator: np.random.Generator) -> None:
         if not self.mixed:
+            self._batches = self._queue.take(number)
             return
         import torch
 
         self._groups = []
         for task in TASKS:
-            scenes = self.draw_scenes(task, self.course.options["scenes"], generator)
+            scenes = draw_task(self.course, task, self.course.options["scenes"], generator)
             ways = shortest_ways(scenes.blocked, scenes.targets)
             by_expert = generator.random(len(ways)) < 0.5
             with torch.inference_mode():
@@ -153,29 +246,72 @@ class ImitationTrainer(GradientTrainer):
 
     def draw(self, batch: int, generator: np.random.Generator) -> Episodes:
         """Return the steps of a batch. Each episode of a network with memory has at least one step."""
-        options, task = self.course.options, TASKS[batch % len(TASKS)]
-        size = options["batch"]
         if self.mixed:
             group = self._groups[batch % len(TASKS)]
-            return group.take(generator.integers(0, len(group.best), size))
-        while True:
-            scenes = self.draw_scenes(task, 2 * size if self.part else size, generator)
-            episodes = lead(scenes, task)
-            if self.part:
-                episodes = episodes.take(episodes.observed.seen == (self.part == 2))
-            if len(episodes.best):
-                break
-        episodes = episodes.take(np.isin(episodes.runs, np.unique(episodes.runs)[:size]))
+            return group.take(generator.integers(0, len(group.best), self.course.options["batch"]))
+        if self._batches is not None:
+            return self._batches[batch]
+        return draw_batch(self.course, self.part, self.recurrent, batch, generator)
+
+    def gradient(self, batch: int, generator: np.random.Generator) -> torch.Tensor:
+        if self.mixed or self.device.type == "cpu":
+            return super().gradient(batch, generator)
+        return self._replay(*self.pad(self.draw(batch, generator)))
+
+    def pad(self, episodes: Episodes) -> tuple[NDArray[Any], ...]:
+        """Return arrays of a batch whose shapes take few values, as a CUDA graph of each shape is captured.
+
+        They are the maps, positions and targets, one row per step and run of a network with memory (the runs of
+        the first step first) or per decision, the correct actions, and the number of true rows. In padding rows all
+        actions are correct, which gives a loss and a gradient of 0. The number of steps is a multiple of four.
+        """
+        size, episodes = self.course.options["batch"], episodes.mark_expert()
+        observed = episodes.observed.in_view() if self.part == 2 else episodes.observed
+        rows, count = np.arange(len(episodes.best)), size
         if self.recurrent:
-            return episodes
-        return episodes.take(generator.permutation(len(episodes.best))[:size])
+            count *= 4 * (int(episodes.steps.max()) // 4 + 1)
+            rows = episodes.steps * size + np.unique(episodes.runs, return_inverse=True)[1]
+        arrays = (observed.current, observed.positions, observed.targets, episodes.best)
+        wide = [np.zeros((count, *array.shape[1:]), array.dtype) for array in arrays]
+        wide[-1][:] = True
+        for array, values in zip(wide, arrays, strict=True):
+            array[rows] = values
+        # The count has an axis, because a graph copies arrays.
+        return *wide, np.array([len(rows)], np.float32)
+
+    def _backward(
+        self, maps: torch.Tensor, positions: torch.Tensor, targets: torch.Tensor,
+        correct: torch.Tensor, count: torch.Tensor,
+    ) -> torch.Tensor:  # fmt: skip
+        """Replace the gradients by those of a padded batch, and return its loss."""
+        import torch
+
+        self.optimiser.zero_grad(set_to_none=False)
+        self.network.planner.iterate = self._iterate
+        fields = dict.fromkeys(Observation._fields) | {"current": maps.float()}
+        observed = Observation(**fields | {"positions": positions, "targets": targets})
+        if self.recurrent:
+            size, logits = self.course.options["batch"], []
+            # The state of the first step needs a gradient as those of later steps: one case is compiled, not two.
+            state = tuple(field.requires_grad_() for field in self.network.computer.start(size))
+            for inputs in self.network.read(observed).split(size):
+                decided, state = self._decide(inputs, state)
+                logits.append(decided)
+        else:
+            logits = [self.network(observed, None)[0]]
+        self.network.planner.iterate = iterate
+        loss = _compute_losses(torch.cat(logits), correct).sum() / count[0]
+        loss.backward()
+        return loss.detach()
 
     def loss(self, batch: int, generator: np.random.Generator) -> torch.Tensor:
         """Return the mean negative logarithm of the total probability of the correct actions."""
         import torch
 
         episodes = self.draw(batch, generator)
-        observed, best = self._inputs(episodes.observed), episodes.best
+        observed = self._inputs(episodes.observed)
+        if not self.mixed:
+            episodes = episodes.mark_expert()
         if self.recurrent:
             inputs, decide = self.network.read(observed), Recurrence(self.network.decide)
             steps = (np.flatnonzero(episodes.steps == step) for step in np.unique(episodes.steps))
@@ -184,13 +320,13 @@ class ImitationTrainer(GradientTrainer):
             )
         else:
             logits, _ = self.network(observed, None)
-        if not self.mixed:
-            best = np.arange(best.shape[1]) == episodes.actions[:, None]
-        correct = logits.masked_fill(~torch.from_numpy(best), -torch.inf)
-        return (torch.logsumexp(logits, dim=1) - torch.logsumexp(correct, dim=1)).mean()
+        return _compute_losses(logits, torch.from_numpy(episodes.best).to(self.device)).mean()
 
     def _inputs(self, observed: Observation) -> Observation:
-        return observed.tensors().in_view() if self.part == 2 else observed.tensors()
+        tensors = (observed.in_view() if self.part == 2 else observed).tensors()
+        if self.device.type == "cpu":
+            return tensors
+        return Observation._make(tensor.to(self.device) for tensor in tensors)
 
     def _policy(
         self, ways: Lengths, by_expert: Truths | None = None
@@ -205,7 +341,7 @@ class ImitationTrainer(GradientTrainer):
                 led = (self.part > 0) & (observed.seen != (self.part == 2))
             else:
                 led = by_expert[rows]
-            return np.where(led, expert, choose_actions(logits.numpy())[0])
+            return np.where(led, expert, choose_actions(logits.numpy(force=True))[0])
 
         return choose
 
@@ -219,7 +355,7 @@ class ImitationTrainer(GradientTrainer):
         reached, collisions, ratios = [], [], []
         for number, task in enumerate(TASKS):
             generator = np.random.default_rng([self.course.seed, 2**32 - 1, number])
-            scenes = self.draw_scenes(task, self.course.options["judged"], generator)
+            scenes = draw_task(self.course, task, self.course.options["judged"], generator)
             ways = shortest_ways(scenes.blocked, scenes.targets)
             world = walk_through(scenes, task.view, self._policy(ways))
             fewest = ways[np.arange(len(ways)), *scenes.starts.T]

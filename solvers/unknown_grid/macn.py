@@ -64,7 +64,9 @@ def build_network(
             up, left = (side - rows) // 2, (side - columns) // 2
             frame = (left, side - columns - left, up, side - rows - up)
             maps = functional.pad(observed.current, frame, value=float(BLOCKED))
-            rewards, values, _ = self.planner(maps, observed.targets + torch.tensor([up, left]))
+            down, across = observed.targets.T
+            targets = torch.stack([down + up, across + left], dim=1)
+            rewards, values, _ = self.planner(maps, targets)
             other = maps if reads_map else rewards
             if self.without == "values":
                 values = torch.zeros_like(values)

@@ -1,15 +1,19 @@
 """The trainer of all networks: same seed, same weights, also after an interruption."""
 
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
-pytest.importorskip("torch", reason="networks are trained with PyTorch")
+torch = pytest.importorskip("torch", reason="networks are trained with PyTorch")
 
-from crosstrack.errors import InvalidData
-from crosstrack.instances.unknown_grid import draw_scene_arrays
-from crosstrack.solvers.learning.training import find_training, train
-from crosstrack.solvers.learning.weights import read_weights
-from crosstrack.solvers.unknown_grid import TRAININGS, gmgn, macn, value_iteration
+from crosstrack.errors import InvalidData, UnsupportedOption  # noqa: E402
+from crosstrack.instances.unknown_grid import draw_scene_arrays  # noqa: E402
+from crosstrack.solvers.learning.trainer import Course  # noqa: E402
+from crosstrack.solvers.learning.training import checkpoint_path, find_training, train  # noqa: E402
+from crosstrack.solvers.learning.weights import read_arrays, read_weights, write_arrays  # noqa: E402
+from crosstrack.solvers.unknown_grid import TRAININGS, episodes, gmgn, macn, value_iteration  # noqa: E402
 
 #: Options of a training of a second, as far as a training has them.
 TINY = {"scenes": 2, "batches": 2, "batch": 3, "judged": 1, "rate": 0.01, "images": 2}
@@ -50,6 +54,78 @@ def test_a_resumed_training_ends_with_the_same_weights(name, small, tmp_path):
     assert any((array != elsewhere[key]).any() for key, array in one.arrays.items())
     with pytest.raises(InvalidData, match="seed must be 1, got 0"):
         train(name, parts, seed=1, resume=True, **asked)
+
+
+PAPER = [name for name in TRAININGS if "workers" in find_training(name).options]
+
+
+def tiny_trainer(name, **options):
+    training = find_training(name)
+    chosen = training.checked_options({"batches": 2, "batch": 3, "judged": 1, **options})
+    return training.run(Course(0, 3, chosen, draw_scene_arrays))
+
+
+@pytest.mark.parametrize("name", PAPER)
+def test_a_padded_batch_has_the_same_gradient(name, small):
+    learner, generator = tiny_trainer(name), np.random.default_rng(5)
+    learner._batches = [learner.draw(batch, generator) for batch in range(3)]
+    for batch, drawn in enumerate(learner._batches):
+        loss = learner.gradient(batch, generator)
+        grads = [parameter.grad.clone() for parameter in learner.network.parameters()]
+        arrays = learner.pad(drawn)
+        assert len(arrays[0]) % 12 == 0 if learner.recurrent else len(arrays[0]) == 3
+        padded = learner._replay(*arrays)
+        np.testing.assert_allclose(padded.item(), loss.item(), rtol=1e-6)
+        for parameter, grad in zip(learner.network.parameters(), grads, strict=True):
+            np.testing.assert_allclose(parameter.grad, grad, atol=1e-3 * grad.abs().max().item())
+
+
+@pytest.mark.parametrize("name", ["macn", "mcgn-2"])
+def test_batches_of_workers_are_those_of_the_process(name, small, monkeypatch):
+    plain, ahead = tiny_trainer(name), tiny_trainer(name, workers=2)
+    pickle.loads(pickle.dumps(ahead.course))
+    monkeypatch.setattr(episodes, "ProcessPoolExecutor", lambda count, _: ThreadPoolExecutor(count))
+    for number in (0, 1, 2):
+        measures = [learner.run_epoch(number, lambda: None) for learner in (plain, ahead)]
+        assert str(measures[0]) == str(measures[1])
+    ahead.close()
+    for one, two in zip(plain.network.parameters(), ahead.network.parameters(), strict=True):
+        assert torch.equal(one, two)
+
+
+def test_a_checkpoint_without_newer_options_continues(small, tmp_path):
+    path = tmp_path / "old.npz"
+    options = {"batches": 1, "batch": 2, "judged": 1}
+    how = {"examples": draw_scene_arrays, "epochs": 2, "options": options}
+
+    def stop(epoch):
+        raise KeyboardInterrupt
+
+    train("vin", path, on_progress=stop, **how)
+    arrays, about = read_arrays(checkpoint_path(path))
+    del about["checkpoint"]["device"], about["checkpoint"]["workers"]
+    write_arrays(checkpoint_path(path), arrays, about)
+    assert train("vin", path, resume=True, **how).epochs == 2
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="a CUDA device is present")
+@pytest.mark.parametrize("name", ["small-vin", "macn"])
+def test_a_missing_gpu_is_named(name, small):
+    with pytest.raises(UnsupportedOption, match="device='gpu' needs a CUDA device"):
+        tiny_trainer(name, device="gpu")
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+@pytest.mark.parametrize("name", PAPER)
+def test_the_gpu_has_the_gradient_of_the_processor(name, small):
+    here, there = tiny_trainer(name), tiny_trainer(name, device="gpu")
+    here._batches = there._batches = [here.draw(0, np.random.default_rng(0))]
+    losses = [learner.gradient(0, None) for learner in (here, there)]
+    np.testing.assert_allclose(losses[1].item(), losses[0].item(), rtol=1e-4)
+    pairs = zip(here.network.parameters(), there.network.parameters(), strict=True)
+    for one, two in pairs:
+        scale = one.grad.abs().max().item()
+        np.testing.assert_allclose(two.grad.cpu(), one.grad, atol=1e-3 * scale)
 
 
 @pytest.mark.parametrize("name", ["small-vin", "vin", "macn"])
