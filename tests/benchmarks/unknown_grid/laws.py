@@ -1,8 +1,8 @@
 """Measure the networks inside and outside the laws of their training scenes.
 
 ``python tests/benchmarks/unknown_grid/laws.py limits`` calibrates the limits of openness per law on scenes of its own
-seed. ``… laws.py success`` then measures each network with the shipped weights on other seeds, ``… laws.py rates`` copies
-the rates that messages give, and ``… laws.py small`` compares the small network with the planner on all laws. ``limits``
+seed. ``… laws.py success`` then measures each network with the shipped weights on other seeds, or one network named
+instead of ``success``. ``… laws.py rates`` copies the rates that messages give, and ``… laws.py small`` compares the small network with the planner on all laws. ``limits``
 and ``rates`` write ``solvers/unknown_grid/laws.json``, ``success`` and ``small`` the tables ``laws`` and ``small-network``
 of ``docs/measured/unknown-grid.json``.
 """
@@ -104,11 +104,11 @@ def places(law):
     yield f"{law}, map 11 × 11", [scenes_of(law, (11, 11), (9, 9), SCENES, SEEDS["success"])]
 
 
-def success():
+def success(names=()):
     """Measure success and detection of each network, inside and outside the law of its training."""
     rows = []
-    for name, kind in POLICIES.items():
-        law = load_network(kind).law
+    for name in names or POLICIES:
+        law = load_network(POLICIES[name]).law
         for place, models in places(law):
             reached, planner, detected = [], [], 0
             for model in models:
@@ -127,7 +127,7 @@ def success():
     )
     heads = {"network": "", "trained on": "", "scenes": "", "outside %": ".1f", "reached %": ".1f"}
     heads["d-star-lite %"] = ".1f"
-    write("unknown-grid", "laws", __file__, heads, rows, ("torch",), said)
+    write("unknown-grid", "laws", __file__, heads, rows, ("torch",), said, merge=True, keys=3)
 
 
 def rates():
@@ -166,4 +166,7 @@ def small():
 
 if __name__ == "__main__":
     for part in sys.argv[1:]:
-        {"limits": limits, "success": success, "rates": rates, "small": small}[part]()
+        if part in POLICIES:
+            success([part])
+        else:
+            {"limits": limits, "success": success, "rates": rates, "small": small}[part]()
