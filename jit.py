@@ -128,18 +128,16 @@ class Kernel:
     ----------
     function : callable
         The loop in Python, available as ``.py_func``.
-    interpretable, in_place, allocates : bool
-        See :func:`kernel`.
+    *flags : bool
+        The parameters `interpretable`, `in_place`, `allocates` and `shared` of :func:`kernel`.
     """
 
-    def __init__(
-        self, function: Callable[..., Any], interpretable: bool, in_place: bool, allocates: bool
-    ) -> None:
+    def __init__(self, function: Callable[..., Any], *flags: bool) -> None:
         self.py_func = function
-        self.interpretable, self.in_place, self.allocates = interpretable, in_place, allocates
-        self._ready = False
-        #: CPU seconds of the last interpreted call if nothing can end it early.
-        self._last = 0.0
+        self.interpretable, self.in_place, self.allocates, shared = flags
+        self.shared = shared or self.interpretable
+        #: The second one is the CPU seconds of the last interpreted call if nothing can end it early.
+        self._ready, self._last = False, 0.0
         update_wrapper(self, function)
 
     @property
@@ -267,8 +265,7 @@ class Kernel:
     def _compile_apart(self, arguments: tuple[Any, ...], timer: threading.Timer) -> None:
         """Start the timer and wait for the background process, if compiling the kernel takes long."""
         is_limited = current_limit().end < float("inf")
-        is_short = self._compile_seconds < _APART
-        if is_short and (is_limited or not compilation.is_running()):
+        if self._compile_seconds < _APART and (is_limited or not compilation.is_running()):
             return
         with _compiling:
             has_cache = hasattr(getattr(self.dispatcher, "_cache", None), "_cache_file")
@@ -326,10 +323,9 @@ class Kernel:
         if compile_new is not None:  # Numba calls it for arguments of new types
 
             def compile_for(*arguments: Any, **keywords: Any) -> Any:
-                self._require_time(None if keywords else arguments)
-
-                apart = None if keywords else arguments
-                return self._timed(partial(compile_new, *arguments, **keywords), apart)
+                positional = None if keywords else arguments
+                self._require_time(positional)
+                return self._timed(partial(compile_new, *arguments, **keywords), positional)
 
             dispatcher._compile_for_args = compile_for
         return dispatcher
@@ -337,7 +333,7 @@ class Kernel:
     @cached_property
     def _numba_type_(self) -> Any:
         """Numba type of the kernel if compiled code calls it."""
-        return compilation.type_of_callee()(self.dispatcher if self.interpretable else self._callee)
+        return compilation.type_of_callee()(self.dispatcher if self.shared else self._callee)
 
     @cached_property
     def _callee(self) -> Any:
@@ -424,7 +420,11 @@ if hasattr(os, "register_at_fork"):
 def kernel(function: F) -> F: ...
 @overload
 def kernel(
-    *, interpretable: bool = False, in_place: bool = False, allocates: bool = True
+    *,
+    interpretable: bool = False,
+    in_place: bool = False,
+    allocates: bool = True,
+    shared: bool = False,
 ) -> Callable[[F], F]: ...
 def kernel(
     function: Callable[..., Any] | None = None,
@@ -432,6 +432,7 @@ def kernel(
     interpretable: bool = False,
     in_place: bool = False,
     allocates: bool = True,
+    shared: bool = False,
 ) -> Any:
     """Return a :class:`Kernel` for `function`, a loop over arrays and numbers.
 
@@ -449,6 +450,8 @@ def kernel(
     allocates : bool
         Whether the loop or a kernel that it calls makes arrays. Otherwise Numba counts no references, which
         doubles the speed of short loops on named tuples.
+    shared : bool
+        Whether Python and kernels call the loop, so that it is compiled once for both. Interpretable ones are.
 
     Returns
     -------
@@ -456,8 +459,8 @@ def kernel(
         The callable, or a decorator if `function` is None.
     """
     if function is None:
-        return lambda function: Kernel(function, interpretable, in_place, allocates)
-    return Kernel(function, interpretable, in_place, allocates)
+        return lambda function: Kernel(function, interpretable, in_place, allocates, shared)
+    return Kernel(function, interpretable, in_place, allocates, shared)
 
 
 def _extend_budget() -> None:

@@ -119,7 +119,7 @@ def sweep(
     return status, left, expanded, least
 
 
-@kernel
+@kernel(shared=True)
 def sweep_in(
     state: Bytes, left: Ints, ceiling: int, width: int, start: int, goals: Ints, every: bool,
     diagonal: bool, guided: bool, flag: NDArray[np.int8],
@@ -226,7 +226,7 @@ def trace(walls: Bytes, width: int, left: Ints, goal: int, diagonal: bool) -> In
     return trace_in(walls, width, left, CEILING, goal, diagonal)
 
 
-@kernel
+@kernel(shared=True)
 def trace_in(walls: Bytes, width: int, left: Ints, ceiling: int, goal: int, diagonal: bool) -> Ints:
     """Return the cells of a shortest path from the start to `goal` by the remainders of :func:`sweep_in`."""
     steps = steps_of(width, diagonal)

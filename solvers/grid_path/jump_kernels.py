@@ -106,7 +106,7 @@ def jump(
     return status, goal, cost, parents, expanded
 
 
-@kernel
+@kernel(shared=True)
 def jump_in(
     state: Bytes, left: Ints, parents: Ints, ways_at: Bytes, ceiling: int, width: int, start: int,
     goals: Ints, flag: NDArray[np.int8],

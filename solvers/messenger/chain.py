@@ -180,7 +180,7 @@ def end_time(stops: Stops, count: int, scene: Scene) -> float:
     return time
 
 
-@kernel
+@kernel(shared=True)
 def fly(stops: Stops, count: int, begin: int, scene: Scene, ceiling: float) -> float:
     """Fill in the times of the stops from `begin` (at least 1) on; return the end of the path (s).
 

@@ -20,7 +20,7 @@ __all__ = ["evaluate", "positions", "spline"]
 Floats = NDArray[np.float64]
 
 
-@kernel
+@kernel(shared=True)
 def positions(task: Task, x: Floats, jets: Floats) -> None:
     """Write the positions of the nodes into ``jets[:, 0]``."""
     segments, dimensions = task.nodes.shape[0], task.centre.shape[1]
@@ -116,7 +116,7 @@ def _solve(band: Floats, right: Floats) -> None:
         right[i] = total / band[i, 0]
 
 
-@kernel
+@kernel(shared=True)
 def spline(
     task: Task, durations: Floats, jets: Floats, form: Floats, change: Floats, band: Floats
 ) -> bool:

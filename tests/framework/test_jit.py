@@ -407,6 +407,27 @@ def test_the_disk_cache_depends_on_the_called_kernels(tmp_path, run_python):
     assert printed() == ["61.0", "60.0", "0", "0"]
 
 
+@pytest.mark.parametrize(("shared", "compiled"), [("True", 1), ("False", 2)])
+def test_a_shared_kernel_is_compiled_once_for_kernels_and_python(
+    tmp_path, run_python, shared, compiled
+):
+    pytest.importorskip("numba", reason="nothing is compiled without Numba")
+    (tmp_path / "parts.py").write_text(
+        "from crosstrack import compilation\n"
+        "from crosstrack.jit import compile_always, kernel\n"
+        f"@kernel(shared={shared})\ndef inner(x):\n    return 2.0 * x\n"
+        "@kernel\ndef outer(x):\n    return inner(x) + 1.0\n"
+        "compile_always()\ncompilation.compile_here()\n"
+        "print(outer(3.0), inner(3.0))\n"
+    )
+    folder = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    words = run_python(
+        "-c", "import sys; sys.path.insert(0, '.'); import parts", cwd=tmp_path, **folder
+    )
+    assert words.split() == ["7.0", "6.0"]
+    assert len(list((tmp_path / "cache").rglob("parts.inner-*.nbc"))) == compiled
+
+
 def test_two_processes_that_compile_one_kernel_do_not_swap_its_code(tmp_path):
     """Both read an empty index, and the first writes its code after the second."""
     from numba.core.caching import IndexDataCacheFile
