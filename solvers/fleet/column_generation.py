@@ -52,6 +52,8 @@ COMBINE, COMBINATIONS = 5.0, (1, 5, 20, 60, 200, 600, 2000)
 WIDTH = 5e-4
 #: Least relative increase of the bound by a round of cuts, and rounds without it that end the cuts.
 GAIN, ROUNDS = 2e-4, 2
+#: Rounds of cuts without a bound after each round with it.
+QUICK = 2
 #: Rounds of cuts for each tried length.
 ROUNDS_AT_LENGTH = 6
 
@@ -272,7 +274,8 @@ class _Search:
         best, idle = -math.inf, 0
         while True:
             relaxed = self._relax(self.root)
-            if relaxed.bound >= self.impossible:
+            self.root = relaxed.node
+            if relaxed.bound >= self.impossible and self.plan is None:
                 self.infeasible = True
                 return relaxed
             self.prove(relaxed.bound * self.unit + self.offset)
@@ -284,6 +287,12 @@ class _Search:
             best = max(best, relaxed.bound)
             if idle > ROUNDS or not self._cut(relaxed.values, idle > 0):
                 return relaxed
+            for _ in range(QUICK):
+                quick = self._relax(self.root, quick=True)
+                if quick.values is None or self._integral(quick.values):
+                    break
+                if not self._cut(quick.values, idle > 0):
+                    break
 
     def _cut(self, values: Floats, both: bool = False) -> int:
         """Add violated capacity cuts, with `both` or without them subset-row cuts, else enlarge ng-sets."""
@@ -301,7 +310,7 @@ class _Search:
             relaxed = self._relax(self.root)
             self.infeasible = relaxed.bound > 0.0
             return relaxed
-        relaxed = Relaxed(0.0)
+        relaxed = Relaxed(self.root, 0.0)
         while high - low > WIDTH * high and not self.closed:
             tried = 0.5 * (low + high)
             if self.whole:
@@ -322,10 +331,10 @@ class _Search:
                 high = min(tried, self.value)
         return relaxed
 
-    def _relax(self, node: Node) -> Relaxed:
-        """Solve the linear program of a node, unless its bound excludes better plans."""
+    def _relax(self, node: Node, quick: bool = False) -> Relaxed:
+        """Solve the linear program of a node, unless its bound excludes better plans; without it if `quick`."""
         self.tree.enough = min((self.target - self.offset) / self.unit, self.impossible)
-        return self.tree.converge(node)
+        return self.tree.converge(node, quick)
 
     def _combine(self) -> None:
         """Search for the best plan of known routes, after a linear program."""
@@ -371,7 +380,7 @@ class _Search:
                     break
                 if not self._cut(relaxed.values):
                     break
-                relaxed = self._relax(node)
+                relaxed = self._relax(relaxed.node)
             if relaxed.values is not None and self.nodes in COMBINATIONS:
                 self._combine()
             below = max(below, relaxed.bound)
@@ -383,7 +392,7 @@ class _Search:
                 else:  # the limit on the length is lower now
                     heapq.heappush(queue, (below, next(counter), node))
             else:
-                for child in self.tree.children(node, relaxed.values):
+                for child in self.tree.children(relaxed.node, relaxed.values):
                     heapq.heappush(queue, (below, next(counter), child))
         if not self.closed:
             self.infeasible = self.plan is None

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.fleet import FleetRouting, Objective
-from .route_kernels import CUTS, FULL, Graph, Labels, grow, join, make
+from .route_kernels import CUTS, FULL, Graph, Labels, grow, join, make, measure, trace
 
 __all__ = ["Kind", "Network", "Prices", "Pricing", "Resource", "kinds_of"]
 
@@ -27,8 +27,11 @@ BUCKETS = 24
 ROOM, MOST_ROOM = 1 << 16, 1 << 22
 #: Number of nodes in an ng-set, of 6 … 12: the bound of X-n101-k25 differs by 0.1 %.
 NEAR = 9
-#: Largest number of routes returned per kind of vehicle, and of those that visit the same nodes.
-ROUTES, SHARED = 100, 5
+#: Number of remembered nodes that each heuristic search compares, before the exact search compares all.
+TIERS = (0, 4)
+#: Largest number of routes returned per kind of vehicle, and of those that visit the same nodes, in heuristic
+#: searches, and the factor for the exact search.
+ROUTES, SHARED, MORE = 100, 5, 4
 
 
 @dataclass(frozen=True)
@@ -122,6 +125,9 @@ class Network:
         order = np.argsort(between - 2.0 * between.max() * np.eye(n), axis=1, kind="stable")
         self.near = np.zeros((n, n), bool)
         np.put_along_axis(self.near, order[:, :NEAR], True, axis=1)
+        self.tiers = [np.zeros_like(self.near) for _ in TIERS]
+        for tier, count in zip(self.tiers, TIERS, strict=True):
+            np.put_along_axis(tier, order[:, :count], True, axis=1)
         self.stored = dict[tuple[int, float], list[Resource]]()
 
     @property
@@ -274,44 +280,21 @@ class Pricing:
 
     def best(
         self, k: int, prices: Prices, forbidden: NDArray[np.bool_], longest: float,
-        most: float, exact: bool,
+        most: float, tier: int,
     ) -> tuple[float, list[tuple[int, ...]]] | None:  # fmt: skip
         """Return a bound on the reduced costs below `most` and the cheapest routes; None after a stop.
 
-        Routes of kind `k` avoid the arcs `forbidden`, shape (n + 1, n + 1), and are at most `longest` long. If
-        `exact`, no route of an ng-relaxation is cheaper than the bound. Otherwise dominance ignores the visited
-        nodes.
+        Routes of kind `k` avoid the arcs `forbidden`, shape (n + 1, n + 1), and are at most `longest` long. In
+        the last `tier`, no route of an ng-relaxation is cheaper than the bound. In earlier ones, dominance
+        ignores most of the visited nodes.
         """
         network = self.network
         n = network.size
-        half = 0.5 * np.append(prices.nodes, 0.0)
-        reduced = network.costs[k] - half[:, None] - half - prices.arcs
-        np.fill_diagonal(reduced, math.inf)
-        reduced[forbidden] = math.inf
-        use, low, high, limit = (
-            np.array(values) for values in zip(*network.resources(k, longest), strict=True)
-        )
-        own, near = _words(np.eye(n, dtype=bool)), _words(network.near)
-        graph = Graph(
-            reduced, use, low, high, limit, own, near, prices.members, prices.memory,
-            prices.penalty,
-        )  # fmt: skip
-        ahead = self._labels(graph, exact)
-        if ahead is None:
+        graph = self._graph(k, prices, forbidden, longest, tier)
+        halves = self._halves(graph, tier == len(TIERS))
+        if halves is None:
             return None
-        behind: tuple[Labels, int] | None = ahead
-        if not (network.symmetric and np.array_equal(reduced, reduced.T)):
-            behind = self._labels(
-                graph._replace(
-                    cost=np.ascontiguousarray(reduced.T),
-                    use=np.ascontiguousarray(use.transpose(0, 2, 1)),
-                    low=limit[:, None] - high,
-                    high=limit[:, None] - low,
-                ),
-                exact,
-            )
-        if behind is None:
-            return None
+        ahead, behind = halves
         value, pairs = np.full((n + 1, n + 1), most), np.full((n + 1, n + 1, 2), -2)
         (first, starts), (second, ends) = _sorted(ahead, n), _sorted(behind, n)
         if not join(
@@ -319,6 +302,7 @@ class Pricing:
         ):
             return None
         routes, visits = dict[tuple[int, ...], None](), np.zeros(n, np.int64)
+        factor = MORE if tier == len(TIERS) else 1
         rows, columns = np.nonzero(pairs[:, :, 0] > -2)
         order = np.argsort(value[rows, columns], kind="stable")
         for i, j in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
@@ -326,20 +310,82 @@ class Pricing:
             route = (*_walk(ahead[0], f)[::-1], *_walk(behind[0], b))
             if network.symmetric and route[::-1] < route:
                 route = route[::-1]
-            if (visits[list(route)] >= SHARED).all():
+            if (visits[list(route)] >= factor * SHARED).all():
                 continue
             visits[list(route)] += 1
             routes[route] = None
-            if len(routes) == ROUTES:
+            if len(routes) == factor * ROUTES:
                 break
         return float(value.min()), list(routes)
 
-    def _labels(self, graph: Graph, exact: bool) -> tuple[Labels, int] | None:
+    def useful(
+        self, k: int, prices: Prices, forbidden: NDArray[np.bool_], longest: float, most: float
+    ) -> NDArray[np.bool_] | None:
+        """Return a mask of the arcs of all routes with reduced costs below `most`; None after a stop.
+
+        The mask, shape (n + 1, n + 1), may contain more arcs. The other arguments are those of :meth:`best`.
+        """
+        n = self.network.size
+        graph = self._graph(k, prices, forbidden, longest, len(TIERS))
+        halves = self._halves(graph, True, store=True)
+        if halves is None:
+            return None
+        (ahead, used), (behind, count) = halves
+        # The last entry belongs to the depot, which has no label.
+        before, after = np.full(used + 1, most), np.full(count + 1, most)
+        value = np.full((n + 1, n + 1), most)
+        (first, starts), (second, ends) = _sorted(halves[0], n), _sorted(halves[1], n)
+        if not measure(
+            graph, ahead, behind, first, second, starts, ends, before, after, value, self.flag
+        ):
+            return None
+        trace(graph, ahead, used, before, value)
+        reverse = np.ascontiguousarray(value.T)
+        trace(graph, behind, count, after, reverse)
+        return np.ascontiguousarray(most > reverse.T)
+
+    def _graph(
+        self, k: int, prices: Prices, forbidden: NDArray[np.bool_], longest: float, tier: int
+    ) -> Graph:
+        """Return the network of kind `k` at reduced costs."""
+        network = self.network
+        n = network.size
+        half = 0.5 * np.append(prices.nodes, 0.0)
+        reduced = network.costs[k] - half[:, None] - half - prices.arcs
+        np.fill_diagonal(reduced, math.inf)
+        reduced[forbidden] = math.inf
+        resources = zip(*network.resources(k, longest), strict=True)
+        use, low, high, limit = (np.array(values) for values in resources)
+        near = _words(network.near)
+        return Graph(
+            reduced, use, low, high, limit, _words(np.eye(n, dtype=bool)), near, prices.members,
+            prices.memory, prices.penalty, [*map(_words, network.tiers), near][tier],
+        )  # fmt: skip
+
+    def _halves(
+        self, graph: Graph, exact: bool, store: bool = False
+    ) -> tuple[tuple[Labels, int], tuple[Labels, int]] | None:
+        """Return the forward and the backward labels, and their numbers; None after a stop."""
+        ahead = self._labels(graph, exact, store)
+        if ahead is None or (self.network.symmetric and np.array_equal(graph.cost, graph.cost.T)):
+            return None if ahead is None else (ahead, ahead)
+        behind = self._labels(
+            graph._replace(
+                cost=np.ascontiguousarray(graph.cost.T),
+                use=np.ascontiguousarray(graph.use.transpose(0, 2, 1)),
+                low=graph.limit[:, None] - graph.high,
+                high=graph.limit[:, None] - graph.low,
+            ),
+            exact, store,
+        )  # fmt: skip
+        return None if behind is None else (ahead, behind)
+
+    def _labels(self, graph: Graph, exact: bool, store: bool) -> tuple[Labels, int] | None:
         """Return the labels of half of the routes, and their number; None after a stop."""
         half = 0.5 * float(graph.limit[0]) * (1.0 + ROUNDING)
         while True:
             labels = make(self.room, BUCKETS, graph)
-            used = int(grow(graph, labels, max(half, 1e-300), exact, self.flag))
+            used = int(grow(graph, labels, max(half, 1e-300), exact, store, self.flag))
             if used >= 0:
                 self.labels += used
                 return labels, used
@@ -351,7 +397,7 @@ class Pricing:
 def _sorted(found: tuple[Labels, int], n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the active labels by node and cost, with -1 for the depot, and the begin of each node."""
     labels, used = found
-    active = np.flatnonzero(labels.alive[:used])
+    active = np.flatnonzero(labels.better[:used] < 0)
     order = active[np.lexsort((labels.cost[active], labels.node[active]))]
     begins = np.searchsorted(labels.node[order], np.arange(n + 1))
     return np.append(order, -1), np.append(begins, order.size + 1)

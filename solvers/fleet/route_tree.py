@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..contract.backend import Request
 from .route_master import Master
-from .route_pricing import Network, Pricing
+from .route_pricing import TIERS, Network, Pricing
 
 __all__ = ["FEASIBLE", "INTEGRAL", "PENALTY", "Node", "Relaxed", "Stopped", "Tree"]
 
@@ -28,6 +28,10 @@ Mask = NDArray[np.bool_]
 SMOOTH = 0.6
 #: Relative difference of the linear program and its bound at which it is solved.
 SOLVED = 1e-7
+#: Share of the gap that remains when arcs are excluded again.
+SHRINK = 0.7
+#: Largest relative gap at which arcs are excluded.
+CLOSE = 0.1
 #: Cost of a missing visit in units of the longest distance: first value, factor and largest value.
 PENALTY, RAISE, HIGHEST = 2.0, 10.0, 1e9
 #: Number of missing visits up to which a linear program is feasible, and relative tolerance of a plan.
@@ -40,17 +44,25 @@ INTEGRAL = 1e-6
 
 @dataclass(frozen=True)
 class Node:
-    """Node of the tree: forbidden arcs of each kind, required edges and numbers of routes."""
+    """Node of the tree: forbidden arcs of each kind, required edges and numbers of routes.
+
+    `gap` is the difference of the incumbent and the bound at the last exclusion of arcs.
+    """
 
     forbidden: Mask
     required: frozenset[tuple[int, int]]
     counts: tuple[tuple[float, float], ...]
+    gap: float = math.inf
 
 
 @dataclass
 class Relaxed:
-    """Solution of a node's linear program: its bound, and values of the columns if it was solved."""
+    """Solution of a node's linear program: its bound, and values of the columns if it was solved.
 
+    `node` lacks arcs that no better plan uses.
+    """
+
+    node: Node
     bound: float
     value: float = math.inf
     values: Floats | None = None
@@ -72,6 +84,8 @@ class Tree:
         self.control = request.control
         self.pricing = Pricing(network, request.control.flag)
         self.longest = self.enough = math.inf
+        #: Least value of the plans that excluded arcs remove.
+        self.removed = math.inf
         self.edges = dict[tuple[int, int], int]()
 
     def prunes(self, bound: float) -> bool:
@@ -94,42 +108,86 @@ class Tree:
         ]
         master.allow(np.array(allowed, bool))
 
-    def converge(self, node: Node) -> Relaxed:
-        """Solve the linear program of a node, or stop once its bound prunes the node."""
+    def converge(self, node: Node, quick: bool = False) -> Relaxed:
+        """Solve the linear program of a node, or stop once its bound prunes the node.
+
+        If `quick`, the heuristic searches end the solution, without a bound.
+        """
         self._apply(node)
-        master, bound, guide, exact = self.master, -math.inf, -math.inf, False
+        master, bound, guide, tier, exact = self.master, -math.inf, -math.inf, 0, len(TIERS)
+        proof: tuple[Floats, float, list[float]] | None = None
         master.set_penalty(PENALTY if self.priced else 1.0)
         center: Floats | None = None
         while True:
             value, values, duals, lacking = self._solved()
             if not self.priced and value <= FEASIBLE:
-                return Relaxed(0.0, value, values)
+                return Relaxed(node, 0.0, value, values)
             mixed = 0.0 if center is None else SMOOTH
             while True:
                 prices = duals if center is None else mixed * center + (1.0 - mixed) * duals
-                below, added = self._price(node, prices, exact)
+                below, leasts, added = self._price(node, prices, tier)
                 if center is None or below > guide:
                     center, guide = prices, below
-                bound = max(bound, below) if exact else bound
+                if tier == exact and below > bound:
+                    bound, proof = below, (prices, below, leasts)
                 if self.prunes(bound):
-                    return Relaxed(bound, value)
+                    return Relaxed(node, min(bound, self.removed), value)
                 if added:
-                    exact = False
+                    tier = 0
                     break
                 if mixed:
                     mixed = 0.0
-                elif not exact:
-                    exact, mixed, guide = True, SMOOTH, bound
+                elif quick and tier == exact - 1:
+                    return Relaxed(node, bound, value, None if lacking > LACKING else values)
+                elif tier < exact:
+                    tier, mixed, guide = tier + 1, SMOOTH, bound
                 elif lacking > LACKING and self.priced:
                     if master.penalty > HIGHEST:
                         raise Stopped
                     master.set_penalty(RAISE * master.penalty)
-                    center, exact = None, False
+                    center, tier = None, 0
                     break
                 else:
-                    return Relaxed(bound, value, values)
+                    return self._finish(node, bound, proof, value, values)
             if self.priced and value - bound <= SOLVED * abs(value) and lacking <= LACKING:
-                return Relaxed(bound, value, values)
+                return self._finish(node, bound, proof, value, values)
+
+    def _finish(
+        self, node: Node, bound: float, proof: tuple[Floats, float, list[float]] | None,
+        value: float, values: Floats,
+    ) -> Relaxed:  # fmt: skip
+        """Exclude arcs that no better plan uses, if the gap is smaller than at the last exclusion.
+
+        At prices with the bound `below` and the least reduced costs c of each kind, a plan with a route of
+        reduced cost r costs at least below − c + r (S. Irnich, G. Desaulniers, J. Desrosiers, A. Hadjar,
+        "Path-reduced costs for eliminating arcs in routing and scheduling", INFORMS Journal on Computing 22, 2010).
+        """
+        gap = self.enough - bound
+        if (
+            proof is not None
+            and self.priced
+            and gap < SHRINK * node.gap
+            and gap < CLOSE * abs(bound)
+        ):
+            duals, below, leasts = proof
+            prices, forbidden = self.master.prices(duals), node.forbidden.copy()
+            for k, (low, _) in enumerate(node.counts):
+                least = leasts[k] if leasts[k] <= 0.0 or low >= 1.0 else 0.0
+                most = self.enough - below + least + 2.0 * self._error(duals)
+                useful = self.pricing.useful(k, prices, forbidden[k], self.longest, most)
+                if useful is None:
+                    break
+                forbidden[k] |= ~useful
+            self.removed = min(self.removed, self.enough)
+            node = replace(node, forbidden=forbidden, gap=gap)
+        return Relaxed(node, min(bound, self.removed), value, values)
+
+    def _error(self, duals: Floats) -> float:
+        """Return the possible rounding error of a reduced cost."""
+        # Every label sums at most n + 1 reduced costs, and each of these the prices of all rows.
+        n = self.network.size
+        size = float(self.network.costs.max()) + math.fsum(np.abs(duals).tolist())
+        return EPSILON * (n + 4) * (n + len(duals) + 8) * size
 
     def _solved(self) -> tuple[float, Floats, Floats, float]:
         """Return the solution of the linear program over the known routes."""
@@ -139,25 +197,28 @@ class Tree:
         value, values, duals, lacking = solved
         return value, values, self.master.signed(duals), lacking
 
-    def _price(self, node: Node, duals: Floats, exact: bool) -> tuple[float, int]:
-        """Return the Lagrangian bound of prices, valid if `exact`, and the number of new routes."""
+    def _price(self, node: Node, duals: Floats, tier: int) -> tuple[float, list[float], int]:
+        """Return the Lagrangian bound of prices, least reduced costs, and the number of new routes.
+
+        The bound is valid in the last tier.
+        """
         master, n = self.master, self.network.size
         prices = master.prices(duals)
-        terms, added = master.terms(duals), 0
-        # Every label sums at most n + 1 reduced costs, and each of these the prices of all rows.
-        size = float(self.network.costs.max()) + math.fsum(np.abs(duals).tolist())
-        error = EPSILON * (n + 4) * (n + len(duals) + 8) * size
+        terms, leasts, added = master.terms(duals), [], 0
+        error = self._error(duals)
         for k, (low, high) in enumerate(node.counts):
             offset = float(duals[n + k])
-            found = self.pricing.best(k, prices, node.forbidden[k], self.longest, offset, exact)
-            if found is None:
+            best = self.pricing.best(k, prices, node.forbidden[k], self.longest, offset, tier)
+            if best is None:
                 raise Stopped
-            least, routes = found
+            least, routes = best
             least = min(least, offset) - error
+            leasts.append(least)
             terms.append(least * (low if least > 0.0 else high))
             added += sum(master.add(k, route) for route in routes)
         # The caller multiplies the sum by the unit of costs: a few more roundings than terms.
-        return math.fsum(terms) - EPSILON * (len(terms) + 4) * math.fsum(map(abs, terms)), added
+        total = math.fsum(terms) - EPSILON * (len(terms) + 4) * math.fsum(map(abs, terms))
+        return total, leasts, added
 
     def children(self, node: Node, values: Floats) -> list[Node]:
         """Return the two parts of a node with a fractional solution."""

@@ -23,11 +23,13 @@ from crosstrack.solvers.contract.registry import find_backend, rivals
 from crosstrack.solvers.fleet import column_generation, route_tree
 from crosstrack.solvers.fleet.route_kernels import CUTS
 from crosstrack.solvers.fleet.route_master import Master, visits_twice
-from crosstrack.solvers.fleet.route_pricing import Network, Prices, Pricing, kinds_of
+from crosstrack.solvers.fleet.route_pricing import TIERS, Network, Prices, Pricing, kinds_of
 from crosstrack.solvers.fleet.route_start import insert_nodes
 from crosstrack.solvers.fleet.route_tree import Node, Tree
 from crosstrack.timing import OutOfTime
 
+#: Number of the exact search, after the heuristic ones.
+EXACT = len(TIERS)
 FILES = Path(__file__).parents[3] / "shared" / "data" / "fleet-vrplib" / "CVRP"
 
 
@@ -125,13 +127,13 @@ def test_several_depots_and_asymmetric_costs_equal_the_program():
 # -- pricing ---------------------------------------------------------------------------------------
 
 
-def priced(model, prices, near=None, exact=True, longest=np.inf):
+def priced(model, prices, near=None, tier=EXACT, longest=np.inf):
     """Return the network, and the result of the pricing of the first kind."""
     network = Network(model, kinds_of(model))
     if near is not None:
         network.near[:] = near
     pricing = Pricing(network, np.zeros(1, np.int8))
-    return network, pricing.best(0, prices, network.barred[0], longest, 1e3, exact)
+    return network, pricing.best(0, prices, network.barred[0], longest, 1e3, tier)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -148,20 +150,30 @@ def test_pricing_equals_enumeration(seed):
                     memory.astype(np.uint64))  # fmt: skip
     prices.members[list(members)] = 1
     prices.penalty[0] = 1.5
-    network, found = priced(model, prices, near=True)
-    least = np.inf
+    network, result = priced(model, prices, near=True)
+    cheapest = np.full((n + 1, n + 1), np.inf)
     for count in range(1, n + 1):
         for route in itertools.permutations(range(n), count):
             if model.demands[[node + 1 for node in route]].sum() <= 7:
-                stops = [n, *route, n]
-                total = network.costs[0, stops[:-1], stops[1:]].sum()
+                tails, heads = [n, *route], [*route, n]
+                total = network.costs[0, tails, heads].sum()
                 total -= prices.nodes[list(route)].sum()
                 total += 1.5 * visits_twice(route, members, memory)
-                least = min(least, total)
-    assert found[0] == pytest.approx(least, abs=1e-12)
-    assert priced(model, prices, near=np.eye(n, dtype=bool))[1][0] <= found[0] + 1e-12
-    assert priced(model, prices, near=True, exact=False)[1][0] >= found[0] - 1e-12
+                cheapest[tails, heads] = np.minimum(cheapest[tails, heads], total)
+    least = cheapest.min()
+    assert result[0] == pytest.approx(least, abs=1e-12)
+    assert priced(model, prices, near=np.eye(n, dtype=bool))[1][0] <= result[0] + 1e-12
+    for tier in range(EXACT):
+        assert priced(model, prices, near=True, tier=tier)[1][0] >= result[0] - 1e-12
     assert prices.penalty.size == CUTS
+    network.near[:] = True
+    pricing = Pricing(network, np.zeros(1, np.int8))
+    excluded = 0
+    for most in least + np.array([0.1, 0.5, 1.0, 2.0, 4.0]):
+        useful = pricing.useful(0, prices, network.barred[0], np.inf, most)
+        assert useful[cheapest < most - 1e-9].all()
+        excluded += (~useful & (cheapest < np.inf)).sum()
+    assert excluded > 10
 
 
 def test_kernels_equal_their_plain_python_version(monkeypatch):
@@ -172,10 +184,10 @@ def test_kernels_equal_their_plain_python_version(monkeypatch):
     members = np.array([1, 0, 1, 1, 0, 0, 0, 0], np.uint64)
     prices = Prices(rng.uniform(0, 1, 8), np.zeros((9, 9)), members, np.ones(8, np.uint64))
     prices.penalty[0] = 0.2
-    for exact in (True, False):
-        compiled = priced(model, prices, exact=exact)[1]
+    for tier in range(EXACT + 1):
+        compiled = priced(model, prices, tier=tier)[1]
         monkeypatch.setattr(jit._here, "deadline", 1e9)  # every kernel is interpreted
-        assert priced(model, prices, exact=exact)[1] == compiled
+        assert priced(model, prices, tier=tier)[1] == compiled
         monkeypatch.undo()
 
 
@@ -293,7 +305,7 @@ def exact_and_computed(seed):
     master.triples.append((triple, members, memory))
     duals = size * rng.normal(size=len(master.limits))
     duals[row], duals[triple] = abs(duals[row]), -abs(duals[triple])
-    below = tree._price(Node(network.barred, frozenset(), counts), duals, True)[0]
+    below = tree._price(Node(network.barred, frozenset(), counts), duals, EXACT)[0]
 
     pi = [Fraction(value) for value in duals.tolist()]
     total = sum(pi[:n]) + 2 * pi[row] + pi[triple]
