@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
-from ...jit import clock
+from ...jit import OutOfTime, clock
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
@@ -27,8 +27,8 @@ Floats = NDArray[np.float64]
 Poll = Callable[[], object]
 
 
-class RunStopped(Exception):
-    """End of a backend's work by a stop request; :meth:`AttractorBackend.run` catches it."""
+#: End of a backend's work by a stop request or the end of interpreted loops; :meth:`AttractorBackend.run` catches it.
+RunStopped = OutOfTime
 
 
 def poll_of(request: Request) -> Poll:

@@ -5,6 +5,7 @@ import pytest
 from attractor.known import analysed, arma, henon, strange
 
 import crosstrack as ct
+from crosstrack import jit
 from crosstrack.errors import UnsupportedOption
 from crosstrack.models import AttractorAnalysis
 from crosstrack.models.attractor import Judgement
@@ -98,6 +99,19 @@ def test_a_run_that_is_stopped_keeps_the_embedding(monkeypatch):
     assert answer.message.count("stopped") == 3
     assert model.verify(plan).ok
     assert len(calls) == 1
+
+
+def test_a_run_whose_interpreted_loops_are_ended_has_an_embedding(monkeypatch):
+    """10,000 samples had no estimate at a limit of 5 s if nothing was compiled."""
+
+    def ended(*arguments):
+        raise jit.OutOfTime
+
+    monkeypatch.setattr(prediction, "nearest_states", ended)
+    model, answer = analysed("full-analysis", henon(300))
+    assert answer.termination is Termination.FEASIBLE
+    assert "stopped" in answer.message
+    assert model.verify(answer.point).ok
 
 
 def test_later_parts_are_left_out_at_a_time_limit(monkeypatch):
