@@ -74,8 +74,8 @@ _SILENCE = 1.0
 #: Seconds for importing Numba and loading the first compiled code (0.35 measured), and for loading another
 #: kernel with all that it calls (at most 0.02 measured, for 46 kernels).
 _IMPORT, _LOAD = 0.4, 0.03
-#: Largest share of the time left for compiling, and ratio of measured to expected seconds from which a run
-#: with a limit compiles nothing more: other processes may slow it down.
+#: Largest share of the time left for compiling; other processes may slow it down. A run with a limit compiles
+#: nothing more after compiling has taken more than the second number times the expected seconds.
 _SHARE, _SLOW = 0.15, 2.0
 #: Largest share of the time left for waiting until another process has compiled a kernel, and seconds without
 #: a limit, after which the kernel is compiled here: the process may be stopped, or busy with other kernels.
