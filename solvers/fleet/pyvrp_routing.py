@@ -27,6 +27,9 @@ STEP, LEAST = 0.1, 1e-4
 #: Time between two incumbents in a search with a time limit, as a multiple of the time to check one.
 SPACING = 20.0
 
+#: Iterations without improvement of the first search if limits on the lengths are checked afterwards.
+BRIEF = 50
+
 
 class PyVrpRouting(FleetHeuristic):
     """PyVRP's iterated local search for the sum of all lengths or costs, with a falling limit for the longest.
@@ -37,7 +40,7 @@ class PyVrpRouting(FleetHeuristic):
     share; the share is halved after a search without success. PyVRP cannot require that every vehicle is
     used. For the sum, each vehicle therefore has to visit a copy of its depot, with no arc back to a copy.
     For the longest route, an empty vehicle receives the node that is cheapest to move. Limits on the sum,
-    the deviation and the range are checked but do not guide the search. Data of rich fleets is rounded to
+    the deviation and the range do not guide the search; plans beyond them are repaired. Data of rich fleets is rounded to
     whole numbers such that every plan that PyVRP calls feasible is feasible, except that a window shorter
     than a unit becomes that unit, and that loads may exceed a capacity by 1e-7 of it. A unit is at most
     2^-20 of the longest arc. The times of the plan are those of the model's own schedule. A stop request
@@ -98,6 +101,8 @@ class PyVrpRouting(FleetHeuristic):
 
         whole = math.inf if endless else 10 * patience
         try:
+            if checked:  # plans beyond a limit are repaired, which needs time after the first plan
+                look(math.inf, None, BRIEF, False)
             found = look(math.inf, None, patience if limited else whole, False)
         except Unreachable:
             best.offer([[]] * best.problem.vehicles)  # feasible if every node is optional

@@ -15,12 +15,15 @@ from ...models.fleet import FleetPlan, FleetRouting
 from ...models.fleet.checks import loads_of, objective_of, value_of
 from ...models.fleet.features import list_unsupported
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
+from .limit_repair import repair
 
 __all__ = ["Best", "FleetBackend", "FleetHeuristic"]
 
 
 #: Number of cheapest moves evaluated to give an empty vehicle a node.
 TRIED = 16
+#: Number of plans beyond limits on the lengths that are repaired, and of moves of each repair.
+REPAIRS, TRIALS = 4, 1500
 
 
 @dataclass
@@ -32,6 +35,7 @@ class Best:
     plan: FleetPlan | None = field(init=False, default=None)
     objective: float = field(init=False, default=math.inf)
     broken: str = field(init=False, default="")
+    repairs: int = field(init=False, default=0)
 
     def offer(self, routes: Sequence[Sequence[int]]) -> bool:
         """Make `routes` the incumbent if they are better and feasible; return whether they are."""
@@ -43,7 +47,14 @@ class Best:
         checked = model.verify(plan, tolerance=self.request.tolerance)
         if not checked.ok:
             self.broken = next(check.name for check in checked.checks if not check.ok)
-            return False
+            repaired = None
+            if self.plan is None and self.repairs < REPAIRS:
+                self.repairs += 1
+                repaired = repair(
+                    model, routes, self.request.tolerance, self.repairs, TRIALS,
+                    lambda: self.request.control.stopped,
+                )  # fmt: skip
+            return repaired is not None and self.offer(repaired)
         self.plan, self.objective = plan, objective
         self.request.control.incumbent(objective, plan)
         return True

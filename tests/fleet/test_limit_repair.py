@@ -1,0 +1,44 @@
+"""Repair of plans beyond limits on the lengths."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from crosstrack.models import FleetRouting
+from crosstrack.solvers.contract.backend import Request
+from crosstrack.solvers.fleet.limit_repair import excess_of, repair
+from crosstrack.solvers.fleet.rivals import Best
+
+
+def windows_fleet(**limits):
+    """Return a rich fleet whose shortest plan has one route."""
+    points = [[0, 0], [4, 0], [5, 0], [-4, 1], [-5, 0]]
+    fields = {"windows": [None, (0, 50), None, None, None], "use_all": False, "objective": "sum"}
+    return FleetRouting(2, points=points, **fields, **limits)
+
+
+@pytest.mark.parametrize("limit", [{"range_limit": 1.5}, {"deviation_limit": 1.0}])
+def test_repairs_a_plan_beyond_its_limit(limit):
+    model = windows_fleet(**limit)
+    routes = [[1, 2, 3, 4], []]
+    assert excess_of(model, model.with_schedule(routes), 1e-6) > 0.0
+    repaired = repair(model, routes, 1e-6, 1, 1500, lambda: False)
+    assert model.verify(model.with_schedule(repaired)).ok
+    assert repair(model, routes, 1e-6, 1, 1500, lambda: True) is None
+
+
+def test_returns_none_if_another_constraint_is_violated_or_no_plan_is_found():
+    model = windows_fleet(range_limit=1.5)
+    assert excess_of(model, model.with_schedule([[1, 2, 3], []]), 1e-6) == np.inf
+    assert repair(model, [[1, 2, 3], []], 1e-6, 1, 10, lambda: False) is None
+    short = dataclasses.replace(model, range_limit=None, budget=1.0)
+    assert repair(short, [[1, 2, 3, 4], []], 1e-6, 1, 30, lambda: False) is None
+
+
+def test_an_offered_plan_beyond_a_limit_becomes_an_incumbent():
+    model = windows_fleet(range_limit=1.5)
+    best = Best(model, Request())
+    assert best.offer([[1, 2, 3, 4], []])
+    assert model.verify(best.plan).ok
+    assert best.repairs == 1
