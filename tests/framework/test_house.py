@@ -228,10 +228,10 @@ EXCEPTIONS = {
         "the filter of spins has 400 lines, estimation in the loop 480, identification 300, tyre laws and the tyre curve 250",
     ),
     "unknown_grid": (
-        7470,
+        7620,
         (
-            "six trained networks have 1,680 lines, the camera 500; neighbours, occlusion, noise, moving obstacles and "
-            "exploration 950, vector environments and batches 450"
+            "six trained networks with training on a GPU have 1,830 lines, the camera 500; neighbours, occlusion, noise, "
+            "moving obstacles and exploration 950, vector environments and batches 450"
         ),
     ),
 }
@@ -268,4 +268,4 @@ def test_the_package_keeps_its_ceiling(checkout):
     rooms = ("models", "solvers", "instances", "cli")
     files = [path for room in rooms for path in (checkout / room).rglob("*.py")]
     files += checkout.glob("*.py")
-    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 165_665
+    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 166_999
