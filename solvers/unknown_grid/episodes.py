@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import replace
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import InvalidData, show
 from ..contract.option import Option
 from ..learning.gradient import GradientTrainer, GraphReplay, epoch_generator
 from ..learning.trainer import Course
@@ -160,6 +162,14 @@ class BatchQueue:
         if not count:
             return None
         if self._workers is None:
+            try:
+                pickle.dumps(self.course.examples)
+            except (AttributeError, TypeError, pickle.PicklingError) as error:
+                raise InvalidData(
+                    "examples must be a function of a module, which worker processes can import, got "
+                    f"{show(self.course.examples)}: use workers=0",
+                    field="examples",
+                ) from error
             self._workers = ProcessPoolExecutor(count, get_context("spawn"))
         for later in range(number, min(number + count + 1, self.course.epochs)):
             if later not in self._epochs:

@@ -93,6 +93,11 @@ def test_batches_of_workers_are_those_of_the_process(name, small, monkeypatch):
         assert torch.equal(one, two)
 
 
+def test_examples_that_a_worker_cannot_import_are_refused(small, tmp_path):
+    with pytest.raises(InvalidData, match=r"examples must be a function of a module.*workers=0"):
+        train("vin", tmp_path / "none.npz", examples=lambda *_: None, options={"workers": 1})
+
+
 def test_a_checkpoint_without_newer_options_continues(small, tmp_path):
     path = tmp_path / "old.npz"
     options = {"batches": 1, "batch": 2, "judged": 1}
