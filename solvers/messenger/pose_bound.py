@@ -28,8 +28,9 @@ __all__ = ["covers", "prove_poses"]
 
 Floats = NDArray[np.float64]
 
-#: Share of the distance between bound and best length within which cells are divided.
-SHARE = 0.5
+#: Share of the distance between bound and best length within which cells are divided. On 24 fields of 1 to 4 turning
+#: radii with two or three vehicles, 0.2 instead of 0.5 lowers the mean gap after 300,000 edges from 31 % to 23 %.
+SHARE = 0.2
 #: Relative rounding error of a bound.
 ROUNDING = 1e-9
 

@@ -66,6 +66,16 @@ def test_one_vehicle_has_the_length_of_the_closed_form(seed, unit):
     assert solution.primal_bound == pytest.approx(closed_form(model), rel=1e-9, abs=1e-9 * radius)
 
 
+def test_the_edges_are_spent_on_cells_near_the_bound():
+    """Cells far above the bound are divided later: this bound was 7.812 m with the same number of edges."""
+    model = MessengerTour(
+        [[0.5, -0.3], [-0.4, 0.6]], [[0.2, 0.1], [-0.1, 0.25]], radius=0.1, turning_radius=1.0,
+        speed=1.0, start=[0, 0, 1.0],
+    )  # fmt: skip
+    bound = prove_poses(model, 8.5382893, 0.05, 300_000, lambda: False)
+    assert 7.9 < bound < 8.5382893
+
+
 def pose(draw, cell, node):
     """Return a pose of a cell, often at one of its ends."""
     (x, y, _, _, radius), (phi, arc, theta, turn) = node, cell[:4]
