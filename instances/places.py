@@ -34,11 +34,11 @@ log = logging.getLogger("crosstrack")
 
 #: Reference systems whose coordinates are degrees.
 _DEGREES = re.compile(
-    r"CRS(84|83|27)\b|EPSG:+.*\b(4326|4258|4269|4267|4979|4171|4283|7844|4490|4612|6668|4674|4617|4277|4314)\b",
+    r"CRS(84|83|27)\b|EPSG[:/]+.*\b(4326|4258|4269|4267|4979|4171|4283|7844|4490|4612|6668|4674|4617|4277|4314)\b",
     re.IGNORECASE,
 )
 #: Reference systems of Web Mercator, whose metres grow with the latitude, and their radius, m.
-_MERCATOR = re.compile(r"EPSG:+.*\b(3857|3785|900913|102100|102113)\b", re.IGNORECASE)
+_MERCATOR = re.compile(r"(EPSG|ESRI)[:/]+.*\b(3857|3785|900913|102100|102113)\b", re.IGNORECASE)
 _RADIUS = 6378137.0
 
 
@@ -175,9 +175,10 @@ def planar(content: Mapping[str, Any], groups: list[Any], units: Any, where: str
             field="coordinates",
         )
     crs = content.get("crs")
-    name = crs if isinstance(crs, str) else ""
+    name: Any = crs
     if isinstance(crs, Mapping) and isinstance(crs.get("properties"), Mapping):
-        name = str(crs["properties"].get("name", ""))
+        name = crs["properties"].get("name")
+    name = name if isinstance(name, str) else ""
     far = any(abs(x) > 360 or abs(y) > 90 for group in groups for x, y, *_ in group)
     if unit is None:
         if name:

@@ -216,10 +216,14 @@ class Rows:
         labels = head[0][1] if head else []
         filled = {k for _, cells in head for k, cell in enumerate(cells) if cell}
         first, end = min(filled, default=0), max(filled, default=0) + 1
+        has_header = not any(map(is_numeric, labels))
         for line, cells in itertools.chain(head, source):
             # Spreadsheets write empty columns beside the table, and a separator at the end of every row.
-            is_empty = not any((*map(is_numeric, labels), *cells[:first], *cells[end:]))
-            yield line, cells[first:end] if is_empty else cells
+            if has_header and not any((*cells[:first], *cells[end:])):
+                cells = cells[first:end]
+            elif has_header:  # longer than the header, so that a reader refuses the row
+                cells = cells + [""] * (end - len(cells))
+            yield line, cells
 
     def _drop_titles(self, head: list[tuple[int, list[str]]]) -> None:
         """Remove the rows with one value above the header from `head`, and log them."""

@@ -208,17 +208,21 @@ def test_geojson_states_its_unit(tmp_path):
     with pytest.raises(InvalidData, match="\"units\" must be metres or degrees, got 'feet'"):
         ct.load(path, data={"vehicles": 1})
     assert ct.load(path, data={"vehicles": 1, "units": "metres"}).points[1, 0] == 100.5
-    name = "urn:ogc:def:crs:EPSG::4490"  # China Geodetic Coordinate System 2000
-    crs = f'"crs": {{"type": "name", "properties": {{"name": "{name}"}}}},'
-    path.write_text(POINTS_IN.format(crs))
-    fleet = ct.load(path, data={"vehicles": 1})
-    assert np.ptp(fleet.points[:, 0]) == pytest.approx(42_697.6, rel=1e-4)
-    path.write_text(POINTS_IN.format('"crs": {"type": "link", "properties": {"href": "crs.prj"}},'))
-    with pytest.raises(InvalidData, match="coordinates may be degrees"):
-        ct.load(path, data={"vehicles": 1})
+    crs = '"crs": {{"type": "name", "properties": {{"name": {}}}}},'
+    # China Geodetic Coordinate System 2000
+    for name in ("urn:ogc:def:crs:EPSG::4490", "http://www.opengis.net/def/crs/EPSG/0/4490"):
+        path.write_text(POINTS_IN.format(crs.format(json.dumps(name))))
+        fleet = ct.load(path, data={"vehicles": 1})
+        assert np.ptp(fleet.points[:, 0]) == pytest.approx(42_697.6, rel=1e-4)
+    link = '"crs": {"type": "link", "properties": {"href": "crs.prj"}},'
+    for unnamed in (link, crs.format("null")):
+        path.write_text(POINTS_IN.format(unnamed))
+        with pytest.raises(InvalidData, match="coordinates may be degrees"):
+            ct.load(path, data={"vehicles": 1})
 
 
-def test_web_mercator_is_projected_from_its_degrees(tmp_path):
+@pytest.mark.parametrize("crs", ["EPSG::3857", "ESRI::102100"])
+def test_web_mercator_is_projected_from_its_degrees(crs, tmp_path):
     """Its metres are longer than those on the ground, by half at 48° north."""
     degrees = [(11.5, 48.0), (11.6, 48.1)]
     metres = [
@@ -227,7 +231,7 @@ def test_web_mercator_is_projected_from_its_degrees(tmp_path):
     ]
     path = tmp_path / "tiles.geojson"
     shapes = [("Point", place, {}) for place in metres]
-    path.write_text(everyday.collection(*shapes, crs="EPSG::3857"))
+    path.write_text(everyday.collection(*shapes, crs=crs))
     points = ct.load(path, data={"vehicles": 1}).points
     expected = project_positions([48.0, 48.1], [11.5, 11.6])
     assert points == pytest.approx(expected, abs=1e-6)

@@ -80,6 +80,7 @@ def test_spellings_of_one_table(text, tmp_path):
         ("x,y,\n1,2,\n3,4,7\n", r"other columns, 'number 3 \(without a name\)'"),
         ("x,y,\n" + "1,2,\n" * 9 + "3,4,7\n", "line 11: 3 values where the header has 2"),
         (",x,y\n" + ",0,0\n" * 9 + "7,1,2\n", "line 11: 3 values where the header has 2"),
+        (";;x;y\n" + ";;0;0\n" * 9 + "5;6\n", "line 11: 4 values where the header has 2"),
         ("x\0,\0y\0", "zero bytes, as UTF-16 without a byte-order mark: .* --encoding utf-16-le"),
         ("a\nb\nc\nd\nx,y\n1,2\n", "line 1: must be a header of nodes"),
         ("x;y\n0;0\n#BEZUG! ;3\n", "line 3, column x: must be a finite number, got '#BEZUG!'"),
