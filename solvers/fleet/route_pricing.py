@@ -342,7 +342,9 @@ class Pricing:
         trace(graph, ahead, used, before, value)
         reverse = np.ascontiguousarray(value.T)
         trace(graph, behind, count, after, reverse)
-        return np.ascontiguousarray(most > reverse.T)
+        mask = most > reverse.T
+        # A route and its reverse may differ by rounding; both stay, so that costs remain symmetric.
+        return mask | mask.T if self.network.symmetric else mask
 
     def _graph(
         self, k: int, prices: Prices, forbidden: NDArray[np.bool_], longest: float, tier: int

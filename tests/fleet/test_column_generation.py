@@ -184,11 +184,42 @@ def test_kernels_equal_their_plain_python_version(monkeypatch):
     members = np.array([1, 0, 1, 1, 0, 0, 0, 0], np.uint64)
     prices = Prices(rng.uniform(0, 1, 8), np.zeros((9, 9)), members, np.ones(8, np.uint64))
     prices.penalty[0] = 0.2
-    for tier in range(EXACT + 1):
-        compiled = priced(model, prices, tier=tier)[1]
-        monkeypatch.setattr(jit._here, "deadline", 1e9)  # every kernel is interpreted
-        assert priced(model, prices, tier=tier)[1] == compiled
-        monkeypatch.undo()
+    network = Network(model, kinds_of(model))
+    pricing = Pricing(network, np.zeros(1, np.int8))
+
+    def results():
+        useful = pricing.useful(0, prices, network.barred[0], np.inf, -0.5)
+        return [priced(model, prices, tier=tier)[1] for tier in range(EXACT + 1)], useful.tolist()
+
+    compiled = results()
+    monkeypatch.setattr(jit._here, "deadline", 1e9)  # every kernel is interpreted
+    assert results() == compiled
+    useful = np.array(compiled[1])
+    assert useful.any() and not useful[~np.eye(9, dtype=bool)].all()
+
+
+def test_the_arcs_of_a_route_and_of_its_reverse_stay_together():
+    """Their reduced costs may differ by rounding, but a branch without one of them has asymmetric costs."""
+    rng = np.random.default_rng(0)
+    n = 5
+    model = FleetRouting(
+        2, points=rng.random((n + 1, 2)), demands=np.ones(n + 1), capacity=3, objective="sum"
+    )
+    network = Network(model, kinds_of(model))
+    pricing = Pricing(network, np.zeros(1, np.int8))
+    words = np.zeros(n, np.uint64)
+    for _ in range(4):
+        prices = Prices(rng.uniform(0, 1, n), np.zeros((n + 1, n + 1)), words, words)
+        half = 0.5 * np.append(prices.nodes, 0.0)
+        costs = network.costs[0] - half[:, None] - half
+        for i, j, k in itertools.permutations(range(n), 3):
+            ahead = costs[n, i] + costs[i, j] + costs[j, k] + costs[k, n]
+            behind = costs[n, k] + costs[k, j] + costs[j, i] + costs[i, n]
+            joined = costs[n, i] + costs[i, j] + (costs[n, k] + costs[k, j])
+            useful = pricing.useful(
+                0, prices, network.barred[0], np.inf, max(ahead, behind, joined)
+            )
+            assert (useful == useful.T).all()
 
 
 def test_length_limit_is_respected_by_the_pricing():
