@@ -15,7 +15,7 @@ from ...models.fleet import FleetPlan, FleetRouting
 from ...models.fleet.checks import loads_of, objective_of, value_of
 from ...models.fleet.features import list_unsupported
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
-from .limit_repair import repair
+from .limit_repair import RULES, repair
 
 __all__ = ["Best", "FleetBackend", "FleetHeuristic"]
 
@@ -48,7 +48,8 @@ class Best:
         if not checked.ok:
             self.broken = next(check.name for check in checked.checks if not check.ok)
             repaired = None
-            if self.plan is None and self.repairs < REPAIRS:
+            is_limit = any(rule.name == self.broken for rule in RULES)
+            if is_limit and self.plan is None and self.repairs < REPAIRS:
                 self.repairs += 1
                 repaired = repair(
                     model, routes, self.request.tolerance, self.repairs, TRIALS,
