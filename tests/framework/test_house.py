@@ -186,8 +186,8 @@ EXCEPTIONS = {
         12_053,
         (
             "fleet-search, bounds, subset-dp and four algorithms of the paper; rich fleets with their schedule, checks, "
-            "readers and two adapters have about 2,900, column generation 1,800, tours and parts 1,000, exact routes of "
-            "small rich fleets 330, exclusion of arcs by reduced costs 220, repair of plans beyond limits 90"
+            "readers and two adapters have about 2,900, column generation 1,930, tours and parts 1,000, exact routes of "
+            "small rich fleets 330, repair of plans beyond limits 90"
         ),
     ),
     "grid_path": (
