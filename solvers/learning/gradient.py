@@ -127,9 +127,8 @@ class GraphReplay:
         import torch
 
         inputs = [tensor.to(self._device) for tensor in tensors]
-        if (
-            self._pool is None
-        ):  # one graph runs at a time, so all share their memory, which belongs to a stream
+        # One graph runs at a time, so all share their memory, which belongs to a stream.
+        if self._pool is None:
             self._pool, self._stream = torch.cuda.graph_pool_handle(), torch.cuda.Stream()
         stream = self._stream
         stream.wait_stream(torch.cuda.current_stream())
