@@ -7,7 +7,7 @@ import importlib.util
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from numpy.typing import NDArray
 
@@ -44,6 +44,9 @@ class Course:
 
 class Trainer(ABC):
     """Base class of trainers, which train epoch by epoch and keep everything in their state."""
+
+    #: Options that do not change the weights. A resumed training may have other values of them.
+    free_options: ClassVar[frozenset[str]] = frozenset()
 
     @abstractmethod
     def run_epoch(self, number: int, tick: Callable[[], None]) -> Mapping[str, float]:

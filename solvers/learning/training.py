@@ -323,7 +323,7 @@ class _Work:
             raise InvalidData(f"{self.checkpoint}: is no checkpoint of a training")
         # A checkpoint of an earlier version lacks newer options, which had their defaults.
         saved = {**{key: option.default for key, option in self.training.options.items()}, **saved}
-        for name in sorted({*saved, *self.settings}):
+        for name in sorted({*saved, *self.settings} - self.trainer.free_options):
             if saved.get(name) != self.settings.get(name):
                 raise InvalidData(
                     f"{self.checkpoint}: {name} must be {show(self.settings.get(name))}, got "

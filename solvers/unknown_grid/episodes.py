@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import signal
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import replace
@@ -170,7 +171,9 @@ class BatchQueue:
                     f"{show(self.course.examples)}: use workers=0",
                     field="examples",
                 ) from error
-            self._workers = ProcessPoolExecutor(count, get_context("spawn"))
+            # Ctrl-C interrupts the training, which then ends the processes.
+            ignoring = signal.signal, (signal.SIGINT, signal.SIG_IGN)
+            self._workers = ProcessPoolExecutor(count, get_context("spawn"), *ignoring)
         for later in range(number, min(number + count + 1, self.course.epochs)):
             if later not in self._epochs:
                 self._epochs[later] = self._workers.submit(
@@ -179,9 +182,12 @@ class BatchQueue:
         return self._epochs.pop(number).result()
 
     def close(self) -> None:
-        """Cancel the requested epochs and end the processes."""
+        """Cancel the requested epochs and end the processes, also those that draw an epoch."""
         if self._workers is not None:
-            self._workers.shutdown(cancel_futures=True)
+            processes = [*self._workers._processes.values()]
+            self._workers.shutdown(wait=False, cancel_futures=True)
+            for process in processes:
+                process.terminate()
 
 
 def _compute_losses(logits: torch.Tensor, correct: torch.Tensor) -> torch.Tensor:
@@ -212,6 +218,7 @@ class ImitationTrainer(GradientTrainer):
         Otherwise each batch has new runs of A*, and its action is the only correct one.
     """
 
+    free_options = frozenset({"workers"})
     _groups: list[Episodes]
 
     def __init__(
@@ -266,7 +273,12 @@ class ImitationTrainer(GradientTrainer):
     def gradient(self, batch: int, generator: np.random.Generator) -> torch.Tensor:
         if self.mixed or self.device.type == "cpu":
             return super().gradient(batch, generator)
-        return self._replay(*self.pad(self.draw(batch, generator)))
+        planner, arrays = self.network.planner, self.pad(self.draw(batch, generator))
+        planner.iterate = self._iterate
+        try:
+            return self._replay(*arrays)
+        finally:
+            planner.iterate = iterate
 
     def pad(self, episodes: Episodes) -> tuple[NDArray[Any], ...]:
         """Return arrays of a batch whose shapes take few values, as a CUDA graph of each shape is captured.
@@ -297,7 +309,6 @@ class ImitationTrainer(GradientTrainer):
         import torch
 
         self.optimiser.zero_grad(set_to_none=False)
-        self.network.planner.iterate = self._iterate
         fields = dict.fromkeys(Observation._fields) | {"current": maps.float()}
         observed = Observation(**fields | {"positions": positions, "targets": targets})
         if self.recurrent:
@@ -309,7 +320,6 @@ class ImitationTrainer(GradientTrainer):
                 logits.append(decided)
         else:
             logits = [self.network(observed, None)[0]]
-        self.network.planner.iterate = iterate
         loss = _compute_losses(torch.cat(logits), correct).sum() / count[0]
         loss.backward()
         return loss.detach()

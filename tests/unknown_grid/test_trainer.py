@@ -2,6 +2,7 @@
 
 import pickle
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -80,15 +81,41 @@ def test_a_padded_batch_has_the_same_gradient(name, small):
             np.testing.assert_allclose(parameter.grad, grad, atol=1e-3 * grad.abs().max().item())
 
 
+def test_a_batch_that_fails_restores_the_iteration(small):
+    learner = tiny_trainer("mcgn-2")
+    learner.device, learner._iterate = SimpleNamespace(type="cuda"), object()
+    iterations = []
+
+    def fail(*arrays):
+        iterations.append(learner.network.planner.iterate)
+        raise MemoryError
+
+    learner._replay = fail
+    with pytest.raises(MemoryError):
+        learner.gradient(0, np.random.default_rng(0))
+    assert iterations == [learner._iterate]
+    assert learner.network.planner.iterate is value_iteration.iterate
+
+
+class Threads(ThreadPoolExecutor):
+    """Threads in the place of processes."""
+
+    def __init__(self, count, *_):
+        super().__init__(count)
+        self.ended = []
+        self._processes = {1: SimpleNamespace(terminate=lambda: self.ended.append(1))}
+
+
 @pytest.mark.parametrize("name", ["macn", "mcgn-2"])
 def test_batches_of_workers_are_those_of_the_process(name, small, monkeypatch):
     plain, ahead = tiny_trainer(name), tiny_trainer(name, workers=2)
     pickle.loads(pickle.dumps(ahead.course))
-    monkeypatch.setattr(episodes, "ProcessPoolExecutor", lambda count, _: ThreadPoolExecutor(count))
+    monkeypatch.setattr(episodes, "ProcessPoolExecutor", Threads)
     for number in (0, 1, 2):
         measures = [learner.run_epoch(number, lambda: None) for learner in (plain, ahead)]
         assert str(measures[0]) == str(measures[1])
     ahead.close()
+    assert ahead._queue._workers.ended == [1]
     for one, two in zip(plain.network.parameters(), ahead.network.parameters(), strict=True):
         assert torch.equal(one, two)
 
@@ -98,7 +125,8 @@ def test_examples_that_a_worker_cannot_import_are_refused(small, tmp_path):
         train("vin", tmp_path / "none.npz", examples=lambda *_: None, options={"workers": 1})
 
 
-def test_a_checkpoint_without_newer_options_continues(small, tmp_path):
+@pytest.mark.parametrize("newer", [{}, {"device": "cpu", "workers": 4}])
+def test_a_checkpoint_without_newer_options_or_with_other_workers_continues(newer, small, tmp_path):
     path = tmp_path / "old.npz"
     options = {"batches": 1, "batch": 2, "judged": 1}
     how = {"examples": draw_scene_arrays, "epochs": 2, "options": options}
@@ -109,6 +137,7 @@ def test_a_checkpoint_without_newer_options_continues(small, tmp_path):
     train("vin", path, on_progress=stop, **how)
     arrays, about = read_arrays(checkpoint_path(path))
     del about["checkpoint"]["device"], about["checkpoint"]["workers"]
+    about["checkpoint"].update(newer)
     write_arrays(checkpoint_path(path), arrays, about)
     assert train("vin", path, resume=True, **how).epochs == 2
 
