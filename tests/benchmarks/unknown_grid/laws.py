@@ -2,9 +2,9 @@
 
 ``python tests/benchmarks/unknown_grid/laws.py limits`` calibrates the limits of openness per law on scenes of its own
 seed. ``… laws.py success`` then measures each network with the shipped weights on other seeds, or one network named
-instead of ``success``. ``… laws.py rates`` copies the rates that messages give, and ``… laws.py small`` compares the small network with the planner on all laws. ``limits``
-and ``rates`` write ``solvers/unknown_grid/laws.json``, ``success`` and ``small`` the tables ``laws`` and ``small-network``
-of ``docs/measured/unknown-grid.json``.
+instead of ``success``. ``… laws.py rates`` copies the rates that messages give, and ``… laws.py small`` compares the
+small network with the planner on all laws. ``limits`` and ``rates`` write ``solvers/unknown_grid/laws.json``, ``success``
+and ``small`` the tables ``laws`` and ``small-network`` of ``docs/measured/unknown-grid.json``.
 """
 
 from __future__ import annotations
