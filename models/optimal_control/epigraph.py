@@ -17,11 +17,12 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import InvalidData
 from ..programs.compiled import scalar_form
 from ..programs.convexity import MOST, Outputs, TooLarge, Value
 from .definition import Definition, Phase, Quantity, Restriction
 from .model import OptimalControlProblem
-from .plan import ControlPlan, PhasePlan, Piecewise
+from .plan import ControlPlan, Piecewise
 from .sampling import courses, endpoint
 
 __all__ = ["Epigraph", "epigraph_of"]
@@ -30,21 +31,28 @@ Floats = NDArray[np.float64]
 
 #: Operations with kinks that are replaced, besides the root of a sum of squares.
 _KINKS = (casadi.OP_FABS, casadi.OP_FMAX, casadi.OP_FMIN)
+#: Operations with jumps, which their derivatives do not show.
+_JUMPS = (
+    casadi.OP_LT, casadi.OP_LE, casadi.OP_EQ, casadi.OP_NE, casadi.OP_NOT, casadi.OP_AND, casadi.OP_OR,
+    casadi.OP_FLOOR, casadi.OP_CEIL, casadi.OP_SIGN, casadi.OP_COPYSIGN, casadi.OP_FMOD,
+    casadi.OP_REMAINDER, casadi.OP_IF_ELSE_ZERO,
+)  # fmt: skip
 #: Name of the new variables.
 NAME = "epigraph"
 
 
 class _Kink(NamedTuple):
-    """Operation of a function with a kink: number of its instruction, its symbol and its arguments.
-
-    The `sign` is 1 if the symbol may exceed the value of the operation, and -1 if it may be below.
-    """
+    """Operation of a function with a kink: number of its instruction, its symbol and its arguments."""
 
     place: int
     operation: int
     symbol: Any
     arguments: tuple[Any, ...]
-    sign: int = 1
+
+    @property
+    def sign(self) -> int:
+        """1 if the symbol may exceed the value of the operation, and -1 if it may be below."""
+        return -1 if self.operation == casadi.OP_FMIN else 1
 
     @property
     def rows(self) -> list[Any]:
@@ -79,11 +87,15 @@ class _Kink(NamedTuple):
 
 @dataclass(frozen=True)
 class _Smooth:
-    """Kinks of expressions, the upper bounds of their symbols, and the expressions with symbols."""
+    """Kinks of expressions, the upper bounds of their symbols, and the expressions with symbols.
+
+    `jumps` are the arguments of operations with jumps.
+    """
 
     kinks: list[_Kink]
     largest: list[float]
     outputs: list[Any]
+    jumps: Any
 
     @property
     def symbols(self) -> Any:
@@ -104,14 +116,17 @@ class _Smooth:
         return values
 
 
-def _rebuilt(function: Any, inputs: list[Any], kept: set[int]) -> tuple[list[_Kink], list[Any]]:
-    """Return the kinks of a scalar function, and its outputs with a symbol in place of each.
+def _rebuilt(
+    function: Any, inputs: list[Any], kept: set[int]
+) -> tuple[list[_Kink], list[Any], Any]:
+    """Return the kinks of a scalar function, its outputs with a symbol in place of each, and its jumps.
 
-    Instructions in `kept` remain.
+    Instructions in `kept` remain. The jumps are the arguments of operations with jumps.
     """
     registers: dict[int, Any] = {}
     squares: set[int] = set()  # registers with sums of squares
     kinks: list[_Kink] = []
+    jumps = [casadi.SX(0, 1)]
     results = [[casadi.SX(0)] * function.nnz_out(k) for k in range(function.n_out())]
     for k in range(function.n_instructions()):
         operation, into = function.instruction_id(k), function.instruction_output(k)
@@ -130,18 +145,21 @@ def _rebuilt(function: Any, inputs: list[Any], kept: set[int]) -> tuple[list[_Ki
             if is_kink and k not in kept:
                 kinks.append(kink)
             result = kink.symbol if is_kink and k not in kept else kink.value
+            jumps += arguments if operation in _JUMPS else ()
         is_square = operation == casadi.OP_SQ or (
             operation == casadi.OP_ADD and squares.issuperset(places)
         )
         squares = squares | {into[0]} if is_square else squares - {into[0]}
         registers[into[0]] = result
-    return kinks, [casadi.vertcat(casadi.SX(0, 1), *result) for result in results]
+    outputs = [casadi.vertcat(casadi.SX(0, 1), *result) for result in results]
+    return kinks, outputs, casadi.vertcat(*jumps)
 
 
-def _signs(expressions: Any, by: Any, time: Any = None, sign: int = 0) -> Floats:
+def _signs(expressions: Any, by: Any, jumps: Any, time: Any = None, sign: int = 0) -> Floats:
     """Return the signs of the derivatives of `expressions` by `by`: 1, 0, -1, or nan if unknown.
 
-    A derivative must be known at every instant: a number, or a function of `time`, which has this sign.
+    A derivative must be known at every instant: a number, or a function of `time`, which has this sign. It is
+    unknown for entries of `by` on which `jumps` depend.
     """
     time = casadi.SX.sym("t") if time is None else time
     slopes = casadi.densify(casadi.jacobian(expressions, by))
@@ -152,7 +170,9 @@ def _signs(expressions: Any, by: Any, time: Any = None, sign: int = 0) -> Floats
     signs = np.array(Outputs(function, symbols, inputs).signs(0), float)
     zero = [slope.is_zero() for slope in casadi.vertsplit(casadi.vec(slopes))]
     table = np.where(zero, 0.0, np.where(signs == 0.0, np.nan, signs))
-    return table.reshape(slopes.shape, order="F")
+    table = table.reshape(slopes.shape, order="F")
+    table[:, [casadi.depends_on(jumps, entry) for entry in casadi.vertsplit(by)]] = np.nan
+    return table
 
 
 def _weighted(demands: Floats, signs: Floats) -> Floats:
@@ -174,32 +194,36 @@ def _smoothed(
     bounds: tuple[Floats, Floats],
     time: Any = None,
     sign: int = 0,
-) -> _Smooth | None:
-    """Return the kinks of expressions of `inputs`; None without any that can be replaced.
+) -> _Smooth:
+    """Return the kinks of expressions of `inputs` that can be replaced.
 
     `demands` has one entry per entry of all outputs: 1 if a smaller entry never makes the optimum worse, -1 if a
     larger one does not, 0 if the entry is not used, nan otherwise.
     """
     function = casadi.Function("scalar", [inputs], list(outputs))
     if function.n_instructions() > MOST:
-        return None
+        raise TooLarge
     kept: set[int] = set()
     while True:
-        kinks, results = _rebuilt(function, casadi.vertsplit(inputs), kept)
-        rows, weights, signed = casadi.vertcat(*results), demands, list[_Kink]()
-        for kink in reversed(kinks):
-            shared = _joint(_weighted(weights, _signs(rows, kink.symbol, time, sign)))
-            if shared != (-1 if kink.operation == casadi.OP_FMIN else 1):
-                kept.add(kink.place)
-                break
-            signed.insert(0, kink._replace(sign=shared))
-            rows = casadi.vertcat(rows, *signed[0].rows)
-            weights = np.append(weights, np.full(len(signed[0].rows), -1.0))
-        else:
-            break
-    if not kinks:
-        return None
-    return _Smooth(signed, [kink.largest(inputs, bounds) for kink in signed], results)
+        kinks, results, jumps = _rebuilt(function, casadi.vertsplit(inputs), kept)
+        largest = [np.inf if jumps.numel() else kink.largest(inputs, bounds) for kink in kinks]
+        smooth = _Smooth(kinks, largest, results, jumps)
+        if not kinks:
+            return smooth
+        rows = casadi.vertcat(*results, *smooth.rows)
+        weights = np.append(demands, np.full(len(smooth.rows), -1.0))
+        signs = _weighted(weights, _signs(rows, smooth.symbols, jumps, time, sign))
+        own = np.repeat(np.arange(len(kinks)), [len(kink.rows) for kink in kinks])
+        signs[demands.size + np.arange(own.size), own] = 0.0  # a symbol satisfies its own rows
+        # A kink that remains makes the signs of the kinks in its arguments unknown, so that they remain as well.
+        remaining = {
+            kink.place
+            for kink, column in zip(kinks, signs.T, strict=True)
+            if _joint(column) != kink.sign
+        }
+        if not remaining:
+            return smooth
+        kept |= remaining
 
 
 def _sides(low: Floats, high: Floats) -> Floats:
@@ -208,11 +232,10 @@ def _sides(low: Floats, high: Floats) -> Floats:
     return np.where(above & below, np.nan, above.astype(float) - below.astype(float))
 
 
-def _variables(smooth: _Smooth | None, name: str) -> tuple[list[Quantity], list[Restriction]]:
+def _variables(smooth: _Smooth, name: str) -> tuple[list[Quantity], list[Restriction]]:
     """Return the new variables and their constraints."""
     variables, rows, free = list[Quantity](), list[Restriction](), np.full(1, np.inf)
-    for k, kink in enumerate(smooth.kinks if smooth else ()):
-        assert smooth is not None
+    for k, kink in enumerate(smooth.kinks):
         label, top = f"{name} {k + 1}", np.full(1, smooth.largest[k])
         low = np.zeros(1) if kink.operation in (casadi.OP_FABS, casadi.OP_SQRT) else -free
         scale = np.where(np.isfinite(top) & (top > 0.0), top, 1.0)
@@ -256,9 +279,7 @@ class Epigraph:
             controls = Piecewise(
                 part.controls.knots, part.controls.nodes, tuple(tables), *phase.bounds("controls")
             )
-            phases.append(
-                PhasePlan(part.name, part.states, controls, part.state_names, phase.control_names)
-            )
+            phases.append(replace(part, controls=controls, control_names=phase.control_names))
         parameters = dict(plan.parameters)
         if self.end_values is not None:
             new = self.end_values(endpoint(parts), parts[0].parameters).full().ravel()
@@ -322,8 +343,8 @@ def _with_controls(phase: Phase, p: Any, values: Floats, demands: Floats) -> tup
     ]  # fmt: skip
     sign = 1 if phase.start_lower >= 0 else -1 if phase.end_upper <= 0 else 0
     inputs = casadi.vertcat(t, x, u, p)
-    smooth = _smoothed([integrand], inputs, demands, (edges[0], edges[1]), t, sign)
-    if smooth is None:
+    smooth = _smoothed([casadi.densify(integrand)], inputs, demands, (edges[0], edges[1]), t, sign)
+    if not smooth.kinks:
         return phase, None
     variables, rows = _variables(smooth, NAME)
     function = casadi.Function(
@@ -356,6 +377,8 @@ def epigraph_of(definition: Definition, name: str = "") -> Epigraph | None:
         return _epigraph(definition, name)
     except (RuntimeError, TooLarge):  # CasADi cannot write a function in scalar operations
         return None
+    except InvalidData:  # the problem has the name of a new variable or row
+        return None
 
 
 def _epigraph(definition: Definition, name: str) -> Epigraph | None:
@@ -365,12 +388,11 @@ def _epigraph(definition: Definition, name: str) -> Epigraph | None:
     demands = np.concatenate([[1.0], _sides(*definition.bounds("boundaries"))])
     free = np.full(e.numel() + p.numel(), np.inf)
     smooth = _smoothed(outputs, casadi.vertcat(e, p), demands, (-free, free))
-    if smooth is not None:
-        outputs = [smooth.outputs[0], casadi.vertcat(smooth.outputs[1], *smooth.rows)]
-        demands = np.append(demands, -np.ones(len(smooth.rows)))
+    outputs = [smooth.outputs[0], casadi.vertcat(smooth.outputs[1], *smooth.rows)]
+    demands = np.append(demands, -np.ones(len(smooth.rows)))
     variables, rows = _variables(smooth, f"{NAME} of ends")
     values = definition.stacked("parameters", "initial_lower")
-    signs = _weighted(demands, _signs(casadi.vertcat(*outputs), e))
+    signs = _weighted(demands, _signs(casadi.vertcat(*outputs), e, smooth.jumps))
     phases, phase_values, first = [], [], 0
     for phase, size in zip(definition.phases, sizes, strict=True):
         last = first + size - len(phase.instants) * len(phase.state_names)
@@ -380,10 +402,10 @@ def _epigraph(definition: Definition, name: str) -> Epigraph | None:
         phases.append(wider)
         phase_values.append(values_of)
         first += size
-    if smooth is None and not any(phase_values):
+    if not smooth.kinks and not any(phase_values):
         return None
     end_values, endpoint_function = None, definition.endpoint
-    if smooth is not None:
+    if smooth.kinks:
         end_values = casadi.Function("values", [e, p], [smooth.values])
         guesses = end_values(_guessed_ends(definition), values).full().ravel()
         variables = [

@@ -35,6 +35,12 @@ ACTIVE = 1e-6
 SOLVED = 1e-6
 
 
+class _Declared(Gauss):
+    """Gauss collocation of the problem as declared: rows of an epigraph form would be active constraints."""
+
+    _epigraph = None
+
+
 def covariance(problem: Any, plan: ControlPlan, residuals: Any) -> Estimate:
     """Return the parameters of a least-squares estimate with their covariance.
 
@@ -80,7 +86,7 @@ def covariance(problem: Any, plan: ControlPlan, residuals: Any) -> Estimate:
     function = compile_function(
         "residuals", arguments, {"residual": [expressions]}, problem.explain
     )
-    transcription = Gauss(model, refine=False).fitted(plan)
+    transcription = _Declared(model, refine=False).fitted(plan)
     program, layout = transcription.program, transcription.layout
     assert isinstance(program, NonlinearProgram)
     point = transcription.encode(plan)

@@ -163,10 +163,11 @@ class Parametric:
     @cached_property
     def at_begin(self) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
         """Columns of the controls of the first interval, weights of its start, and bounds of the controls."""
-        phase = self.formulation.layout.phases[0]
-        columns = phase.control_columns[:, phase.visit_control[: phase.visit_starts[1]]]
+        phase, declared = self.formulation.layout.phases[0], self.model.definition.phases[0]
+        count = len(declared.control_names)  # without those of an epigraph form
+        columns = phase.control_columns[:count, phase.visit_control[: phase.visit_starts[1]]]
         weights = interpolation(phase.schemes[0].control_points, -1.0)[0]
-        return columns, weights, *phase.phase.bounds("controls")
+        return columns, weights, *declared.bounds("controls")
 
     # -- functions -------------------------------------------------------------------------------
 

@@ -85,11 +85,11 @@ class Sensitivity:
     @property
     def parameters(self) -> dict[str, Floats]:
         """Derivatives of the optimised parameters by name."""
-        layout = self.point.posed.formulation.layout
+        columns = self.point.posed.formulation.layout.parameter_columns
         result = {}
-        for item, places in entry_slices(layout.definition.parameters):
+        for item, places in entry_slices(self.point.posed.model.definition.parameters):
             if not item.given:
-                result[item.name] = self.columns[layout.parameter_columns[places]]
+                result[item.name] = self.columns[columns[places]]
         return result
 
     def __call__(self, name: str, t: ArrayLike, *, phase: str | None = None) -> Floats:

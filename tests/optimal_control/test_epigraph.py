@@ -8,6 +8,7 @@ import pytest
 
 import crosstrack as ct
 from crosstrack.models import OptimalControlProblem
+from crosstrack.models.optimal_control import covariance
 from crosstrack.models.optimal_control.epigraph import epigraph_of
 
 integrate = pytest.importorskip("scipy.integrate")
@@ -27,6 +28,12 @@ def cart(cost, *, terminal=None, sense="upper", limit=None, **bounds):
         ocp.subject_to(integral, **{sense: limit})
         ocp.minimise(phase.final(x))
     return ocp.build()
+
+
+def reward(x, u, t):
+    """Return |x| with a reward of 10 above 1, whose derivative does not show the jump."""
+    distance = casadi.fabs(x)
+    return distance - 10 * (distance > 1)
 
 
 def names(ocp):
@@ -53,6 +60,9 @@ def names(ocp):
         (lambda x, u, t: x * casadi.fabs(u), 0),
         (lambda x, u, t: casadi.fabs(casadi.fabs(x) - 1), 1),
         (lambda x, u, t: casadi.fmax(x, 0) ** 2, 0),
+        (lambda x, u, t: (t - 1) * casadi.fabs(u), 0),
+        (reward, 0),
+        (lambda x, u, t: casadi.fabs(x) + casadi.if_else(u > 0, 1, 2), 1),
         (lambda x, u, t: casadi.sqrt(1 + u**2), 0),
         (lambda x, u, t: x**2 + u**2, 0),
     ],
@@ -72,6 +82,58 @@ def test_bounds_the_new_control_if_the_expression_is_affine_and_bounded():
     assert (new.lower, new.upper) == (0.0, 2.0)
     free = epigraph_of(cart(lambda x, u, t: casadi.fabs(x)).definition).problem.definition
     assert np.isposinf(free.phases[0].controls[1].upper)
+
+
+def test_does_not_bound_the_new_control_if_the_expression_has_jumps():
+    ocp = cart(lambda x, u, t: casadi.fabs(casadi.floor(u)))
+    assert np.isposinf(epigraph_of(ocp.definition).problem.definition.phases[0].controls[1].upper)
+
+
+def test_replaces_no_kink_if_a_jump_of_an_integral_rewards_it():
+    ocp = OptimalControlProblem("reward")
+    phase = ocp.phase(time=(0, 3))
+    x, u = phase.state("x", initial=1), phase.control("u", lower=-1, upper=2)
+    phase.dynamics({x: u})
+    effort = phase.integral(casadi.fabs(u))
+    ocp.minimise(effort - 100 * (effort > 5))
+    assert epigraph_of(ocp.build().definition) is None
+
+
+def test_replaces_no_kink_if_the_problem_uses_the_name_of_the_new_control():
+    ocp = OptimalControlProblem("name")
+    phase = ocp.phase(time=(0, 3))
+    x, u = phase.state("x", initial=1), phase.control("epigraph 1", lower=-1, upper=2)
+    phase.dynamics({x: u})
+    ocp.minimise(phase.integral(casadi.fabs(u)))
+    assert epigraph_of(ocp.build().definition) is None
+
+
+def test_steps_and_sensitivities_do_not_contain_the_new_variables():
+    ocp = OptimalControlProblem("decay")
+    phase = ocp.phase(time=(0, 2))
+    begin, rate = ocp.data("begin", value=2.0), ocp.parameter("rate", lower=0, upper=5)
+    x, u = phase.state("x"), phase.control("u", lower=-1, upper=1)
+    phase.dynamics({x: u - rate * x})
+    ocp.subject_to(phase.initial(x) - begin, equals=0)
+    target = casadi.fabs(phase.final(x) + 3)
+    ocp.minimise(target + (rate - 1) ** 2 + phase.integral(u**2 + casadi.fabs(u - 2)))
+    step = ct.prepare(ocp, intervals=1, degree=4)(begin=2.0)
+    assert step.ok and step.u0.shape == (1,)
+    assert list(step.plan.parameters) == ["begin", "rate"]
+    assert list(step.sensitivity("begin").parameters) == ["rate"]
+
+
+def test_the_covariance_is_that_of_the_declared_problem():
+    ocp = OptimalControlProblem("fit")
+    phase = ocp.phase(time=(0, 2))
+    rate, x = ocp.parameter("rate", lower=0, upper=5), phase.state("x", initial=2)
+    phase.dynamics({x: -rate * x})
+    measured = [(0.5, 1.41), (1.0, 0.99), (1.5, 0.71)]
+    residuals = [phase.at(t, x) - y for t, y in measured]
+    ocp.minimise(sum(casadi.fabs(residual) for residual in residuals))
+    estimate = covariance(ocp, ct.prepare(ocp, intervals=2, degree=4)().plan, residuals)
+    assert estimate.names == ("rate",) and estimate.freedom == 2
+    assert estimate.covariance[0, 0] > 0
 
 
 def test_extends_a_plan_with_the_values_of_the_kinks_and_reduces_it_again():
