@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...jit import kernel
 
 __all__ = [
+    "SPENT",
     "Fronts",
     "Labels",
     "dominated",
@@ -22,12 +23,17 @@ __all__ = [
 ]
 
 
+#: Mark of labels on returned routes; they dominate no further label.
+SPENT = -2
+
+
 class Labels(NamedTuple):
     """Columns of labels; only the first ones are in use.
 
     `parent` is the previous label (-1 for none), `length` that of the partial route without its prizes, `level`,
     shape (room, r), the level of each resource on leaving, and `visited`, shape (room, words), one bit for each
-    remembered critical point.
+    remembered critical point. `parked` is the last label that waits for a label that dominates it, -1 for none or
+    ``SPENT``, and `before` the label parked before this one.
     """
 
     point: NDArray[np.int64]
@@ -35,6 +41,8 @@ class Labels(NamedTuple):
     length: NDArray[np.float64]
     level: NDArray[np.float64]
     visited: NDArray[np.uint64]
+    parked: NDArray[np.int64]
+    before: NDArray[np.int64]
 
 
 class Fronts(NamedTuple):
@@ -66,6 +74,8 @@ def make(room: int, resources: int, words: int) -> Labels:
         np.empty(room),
         np.empty((room, resources)),
         np.zeros((room, words), np.uint64),
+        np.full(room, -1),
+        np.empty(room, np.int64),
     )
 
 
@@ -85,7 +95,8 @@ def grown(labels: Labels, room: int) -> Labels:
     """Return columns for `room` labels that start with `labels`."""
     return Labels(
         widened(labels.point, room), widened(labels.parent, room), widened(labels.length, room),
-        widened(labels.level, room), widened(labels.visited, room),
+        widened(labels.level, room), widened(labels.visited, room), widened(labels.parked, room),
+        widened(labels.before, room),
     )  # fmt: skip
 
 
@@ -203,16 +214,15 @@ def dominated(
     high: float,
     key: float,
     full: NDArray[np.float64],
-    rivals: int,
-) -> bool:
-    """Return whether `rivals` labels in the front of its point dominate label `at`.
+) -> int:
+    """Return a label that is not spent and dominates label `at` in the front of its point, -1 without one.
 
     `full` is the level of each resource above which no lower limit refuses it, -inf without lower limits.
     """
     point, resources = labels.point[at], labels.level.shape[1]
     for k in range(resources):
         if labels.level[at, k] < fronts.least[point, k]:
-            return False
+            return -1
     begin = fronts.begin[point]
     low, stop = begin, begin + fronts.size[point]
     while low < stop:
@@ -221,19 +231,16 @@ def dominated(
             low = middle + 1
         else:
             stop = middle
-    if low - begin < rivals:
-        return False
     for entry in range(low - 1, begin - 1, -1):
         if resources > 0 and fronts.below[entry] > labels.level[at, 0]:
-            return False
-        beaten = True
+            return -1
+        rival = fronts.label[entry]
+        beaten = labels.parked[rival] != SPENT
         for k in range(resources):
             one, other = fronts.level[entry, k], labels.level[at, k]
             if one > other or (one < other and one < full[k]):
                 beaten = False
                 break
-        if beaten and forgets(labels, fronts.label[entry], at, via, shut, high, key):
-            rivals -= 1
-            if rivals == 0:
-                return True
-    return False
+        if beaten and forgets(labels, rival, at, via, shut, high, key):
+            return int(rival)
+    return -1

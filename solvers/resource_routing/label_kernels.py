@@ -10,6 +10,10 @@ Labels leave the heap in the order of a Lagrangean bound: the length, the weight
 weighted length from there to the end (:mod:`.multipliers`). The front of a point holds its extended labels by
 length, with the least first level up to each entry. The test ends at the first entry whose least level is
 larger, which makes it O(log n) for one resource: the front is then a staircase.
+
+If several routes are wanted, a dominated label is parked: no route by way of it is shorter than the best one by
+way of the label that dominates it. When that route leaves the heap, its labels are spent, and the labels parked
+at them return to the heap.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import MOST_LABELS, kernel
-from .front_kernels import Labels, dominated, fronts_of, grown, inserted, make, trace
+from .front_kernels import SPENT, Labels, dominated, fronts_of, grown, inserted, make, trace
 from .network import Network
 from .outcomes import FOUND, FULL, NOTHING, STOPPED
 
@@ -83,7 +87,7 @@ def extend(
             return False
         labels.visited[at, bit >> 6] |= mask
     labels.point[at] = there
-    labels.parent[at] = label
+    labels.parent[at], labels.parked[at] = label, -1
     labels.length[at] = labels.length[label] + net.length[arc]
     return True
 
@@ -96,6 +100,12 @@ def weighted(labels: Labels, at: int, weight: NDArray[np.float64]) -> float:
         if weight[k] > 0.0:
             total += weight[k] * labels.level[at, k]
     return total
+
+
+@kernel
+def park(labels: Labels, at: int, rival: int) -> None:
+    """Let label `at` wait until `rival`, which dominates it, is spent."""
+    labels.before[at], labels.parked[rival] = labels.parked[rival], at
 
 
 @kernel(interpretable=True)
@@ -115,7 +125,7 @@ def best_first(
     pruned by the ceiling alone.
     """
     count, resources, words = len(guide.ahead), len(net.initial), guide.memory.shape[1]
-    most = min(most, _MOST_NUMBERS // (6 + resources + words))
+    capacity = _MOST_NUMBERS // (8 + resources + words)
     fronts = fronts_of(count, resources)
     room = 2 * count + 1024
     labels = make(room, resources, words)
@@ -124,7 +134,7 @@ def best_first(
         labels.level[0, k] = net.initial[k]
     # Lengths and bounds are summed in different orders, so a margin is needed.
     high = ceiling + guide.rounding + _ROUNDING * abs(ceiling) if ceiling < np.inf else ceiling
-    used, settled, pruned, ends = 1, 0, 0, 0
+    used, waiting, settled, pruned, ends = 1, 0, 0, 0, 0
     status, bound = NOTHING, ceiling
     end, lengths = np.zeros(wanted, np.int64), np.full(wanted, np.inf)
     heap = [(weighted(labels, 0, guide.weight) + guide.ahead[net.start], 0)]
@@ -136,19 +146,25 @@ def best_first(
         if key > high:
             break
         here = labels.point[label]
-        if dominated(
-            fronts,
-            labels,
-            label,
-            guide.via,
-            guide.shut,
-            high,
-            key - guide.ahead[here],
-            net.full,
-            wanted,
-        ):
+        if here == net.end:
+            at = label
+            while at >= 0:
+                parked, labels.parked[at] = labels.parked[at], SPENT
+                while parked >= 0:
+                    key = weighted(labels, parked, guide.weight) + guide.ahead[labels.point[parked]]
+                    heappush(heap, (key, parked))
+                    parked, waiting = labels.before[parked], waiting - 1
+                at = labels.parent[at]
             continue
-        if flag[0] != 0 or used > most:
+        rival = dominated(
+            fronts, labels, label, guide.via, guide.shut, high, key - guide.ahead[here], net.full
+        )
+        if rival >= 0:
+            if wanted > 1:
+                park(labels, label, rival)
+                waiting += 1
+            continue
+        if flag[0] != 0 or used - waiting > most or used > capacity:
             status, bound = STOPPED if flag[0] != 0 else FULL, key
             break
         fronts = inserted(fronts, labels, label)
@@ -178,15 +194,22 @@ def best_first(
                         k -= 1
                     lengths[k], end[k] = labels.length[used], used
                     ends += ends < wanted
+                    if wanted > 1:
+                        heappush(heap, (labels.length[used], used))
                     used += 1
                     if ends == wanted:
                         worst = lengths[wanted - 1]
                         high = min(high, worst - guide.rounding - _ROUNDING * abs(worst))
-            elif not dominated(
-                fronts, labels, used, guide.via, guide.shut, high, length, net.full, wanted
-            ):
-                heappush(heap, (key, used))
-                used += 1
+            else:
+                rival = dominated(
+                    fronts, labels, used, guide.via, guide.shut, high, length, net.full
+                )
+                if rival < 0:
+                    heappush(heap, (key, used))
+                    used += 1
+                elif wanted > 1:
+                    park(labels, used, rival)
+                    used, waiting = used + 1, waiting + 1
     sizes, points = np.zeros(ends, np.int64), np.empty(0, np.int64)
     for k in range(ends):
         route = trace(labels.point, labels.parent, end[k])

@@ -86,7 +86,10 @@ class ResourceLabelling(RouteSearch):
                 # Rounding hides the known route, which no route is shorter than.
                 result = replace(result, status=FOUND)
             bound = max(result.bound, min(proven, result.length))
-            if result.status != NOTHING:
+            missing = result.status == FOUND and 1 + len(result.others) < problem.routes
+            if missing and result.route.size:
+                start.keep(Route(tuple(result.route.tolist())))
+            if result.status != NOTHING and not missing:
                 break
         if start.route is not None and result.status != NOTHING:
             # A stopped search may have found longer routes only.
@@ -110,7 +113,7 @@ def _stages(
     from .network import distances
 
     count, share = len(problem.kinds), LEAST
-    if problem.arcs is not None or problem.has_prizes or problem.routes > 1:
+    if problem.arcs is not None or problem.has_prizes:
         yield np.arange(count), -math.inf if problem.has_prizes else 0.0, cutoff
         return
     assert problem.points is not None

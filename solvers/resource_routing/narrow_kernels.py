@@ -70,8 +70,9 @@ def narrow(
         here = labels.point[label]
         if here == net.end:
             return trace(labels.point, labels.parent, label), labels.length[label]
-        if extended[here] >= width or dominated(
-            fronts, labels, label, via, via, np.inf, 0.0, net.full, 1
+        if (
+            extended[here] >= width
+            or dominated(fronts, labels, label, via, via, np.inf, 0.0, net.full) >= 0
         ):
             continue
         extended[here] += 1

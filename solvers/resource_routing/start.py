@@ -46,7 +46,7 @@ class Start:
         """Search without compiled loops, so that a route is known if no time is left to compile."""
         route = route_in_time(self.problem, self.request)
         if route is not None:
-            self._keep(route)
+            self.keep(route)
 
     def search(self, net: Network, ahead: NDArray[np.float64], rows: NDArray[np.int64]) -> None:
         """Search `net`, unless another one led to a route, and report each shorter route.
@@ -65,7 +65,7 @@ class Start:
                     )
                     if route.size:
                         self.searched = True
-                        self._keep(Route(tuple(rows[route].tolist())))
+                        self.keep(Route(tuple(rows[route].tolist())))
                     if part.stopped:
                         return
                     if self.route is not None:
@@ -73,7 +73,8 @@ class Start:
                 if self.route is not None and part.progress.seconds > IMPROVING * whole:
                     return
 
-    def _keep(self, route: Route) -> None:
+    def keep(self, route: Route) -> None:
+        """Report `route` if it is feasible and shorter than the best one."""
         checked = self.problem.verify(route)
         value = checked.objective
         if not checked.ok or checked.within_tolerance or value is None or value >= self.length:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from resource_draws import neighbours
+from resource_draws import neighbours, random_model, rng_of
 
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation
@@ -114,6 +114,57 @@ def test_several_routes_are_the_best_ones(count, step):
         assert [routes[route] for route in (again.plan.route, *again.plan.others)] == values
 
 
+@pytest.mark.parametrize("step", [12, pytest.param(1, marks=pytest.mark.slow)])
+def test_any_number_of_routes_with_ties_and_resets_is_exact(step):
+    for seed in range(0, 300, step):
+        count = 1 + seed % 10
+        model = replace(random_model(rng_of(seed), revisits=False), routes=count)
+        routes = simple_routes(model)
+        found = ct.solve(model, NAME)
+        assert found.termination == ("optimal" if routes else "infeasible"), seed
+        if routes:
+            values = [routes[route] for route in (found.plan.route, *found.plan.others)]
+            assert values == sorted(routes.values())[:count], seed
+
+
+@pytest.mark.parametrize("revisits", [False, True])
+def test_several_routes_need_few_points_near_the_straight_line(revisits):
+    draw = np.random.default_rng(8)
+    points = np.r_[[[0, 50]], draw.uniform(0, 100, (38, 2)), [[100, 50]]]
+    fuel = Resource("fuel", rate=1.0, limits={"stop": 60.0}, resets={"stop": 5.0})
+    model = ResourceRouting(
+        ["stop"] * 40, [fuel], 0, 39, points=points, revisits=revisits, routes=10
+    )
+    pairs = [[i, j] for i in range(40) for j in range(40) if i != j]
+    found, listed = (ct.solve(each, NAME) for each in (model, replace(model, arcs=pairs)))
+    assert found.statistics["arcs"] < listed.statistics["arcs"] / 4
+    assert found.plan == listed.plan and len(found.plan.others) == 9
+
+
+def test_ten_walks_with_revisits_are_the_shortest_ones():
+    for seed in range(8):
+        draw = np.random.default_rng([7, seed])
+        arcs = [[i, j] for i in range(6) for j in range(6) if i != j and draw.random() < 0.5]
+        time = Resource("time", limits={"stop": 9.0})
+        model = ResourceRouting(
+            ["stop"] * 6, [time], 0, 5, arcs=arcs or [[0, 5]], routes=10, revisits=True,
+            lengths=draw.integers(1, 5, max(len(arcs), 1)), uses=draw.integers(1, 5, (max(len(arcs), 1), 1)),
+        )  # fmt: skip
+        leads, partial, lengths = neighbours(model), [(0, 0.0, 0.0)], []
+        while partial:
+            here, length, level = partial.pop()
+            for there, leg, (use,) in leads[here]:
+                if there == 5 and level + use <= 9:
+                    lengths.append(length + leg)
+                elif there != 0 and level + use <= 9:
+                    partial.append((there, length + leg, level + use))
+        found = ct.solve(model, NAME)
+        assert found.termination == ("optimal" if lengths else "infeasible"), seed
+        if lengths:
+            ways = [Route(way) for way in (found.plan.route, *found.plan.others)]
+            assert [model.verify(way).objective for way in ways] == sorted(lengths)[:10], seed
+
+
 @pytest.mark.parametrize(
     ("walks", "expected", "length"),
     [
@@ -135,7 +186,7 @@ def test_a_stopped_search_of_several_routes_keeps_the_first_known_route(monkeypa
     model = bank(routes=2)
     worse = Found(STOPPED, np.array([0, 2, 3]), 3.0, -2.0, 1, 1, others=(np.array([0, 3]),))
     monkeypatch.setattr(labelling, "_under", lambda *_: (worse, 0))
-    monkeypatch.setattr(start.Start, "begin", lambda self: self._keep(Route((0, 1, 3))))
+    monkeypatch.setattr(start.Start, "begin", lambda self: self.keep(Route((0, 1, 3))))
     answer = labelling.ResourceLabelling().run(model, Request(time_limit=60))
     assert (answer.termination, answer.primal_bound) == ("feasible", -1.0)
     assert answer.point.route == (0, 1, 3) and len(answer.point.others) == 1
