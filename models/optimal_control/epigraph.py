@@ -29,7 +29,7 @@ __all__ = ["Epigraph", "epigraph_of"]
 
 Floats = NDArray[np.float64]
 
-#: Operations with kinks that are replaced, besides the root of a sum of squares.
+#: Operations with kinks that are replaced, in addition to the root of a sum of squares.
 _KINKS = (casadi.OP_FABS, casadi.OP_FMAX, casadi.OP_FMIN)
 #: Operations with jumps, which their derivatives do not show.
 _JUMPS = (
@@ -305,7 +305,7 @@ class Epigraph:
 
 
 def _extended(function: Any, count: int) -> Any:
-    """Return the function of a phase with `count` parameters, of which it uses the first ones."""
+    """Return the function of a phase with `count` parameters; it uses the first ones."""
     arguments = [casadi.MX.sym(name, function.size1_in(name)) for name in function.name_in()]
     longer = casadi.MX.sym("p", count)
     outputs = function.call([*arguments[:3], longer[: arguments[3].numel()]])

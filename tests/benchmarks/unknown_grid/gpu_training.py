@@ -21,7 +21,7 @@ from crosstrack.instances.unknown_grid import draw_scene_arrays  # noqa: E402
 from crosstrack.solvers.learning import gradient, training  # noqa: E402
 from crosstrack.solvers.unknown_grid.episodes import ImitationTrainer  # noqa: E402
 
-#: Epochs between two validations, and seconds before the end in which every epoch is validated.
+#: Epochs between two validations, and length of the last part, s, with a validation per epoch.
 INTERVAL, LAST = 6, 25.0
 DEVICE = os.environ.get("DEVICE", "gpu")
 #: Processes that draw scenes for a network.
