@@ -189,7 +189,7 @@ class Check:
     ) -> Self:  # fmt: skip
         """Return the check with numbers of Python, the violation of rounding, and a finite limit."""
         return cls(
-            name, equation, float(worst), unit, float(accepted), where,
+            name, equation, float(worst) + 0.0, unit, float(accepted), where,  # -0.0 becomes 0.0
             float(ROUNDING * scale + noise), float(scale),
             float(limit) if limit and math.isfinite(limit) else None,
         )  # fmt: skip
@@ -257,7 +257,7 @@ class Check:
         # An infinite scale would accept every violation, so it is treated as an infinite violation.
         share = np.where((excess > 0) & np.isinf(accepted), np.inf, share)
         at = np.unravel_index(int(share.argmax()), share.shape)
-        worst = np.inf if np.isnan(excess[at]) else max(float(excess[at]), 0.0)
+        worst = np.inf if np.isnan(excess[at]) else max(0.0, float(excess[at]))
         unit, place = (
             text if isinstance(text, str) else text(*map(int, at)) for text in (unit, where)
         )

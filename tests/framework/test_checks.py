@@ -27,6 +27,12 @@ def test_the_largest_violation_is_relative_to_what_is_accepted():
     assert (noisy.worst, noisy.where, noisy.limit) == (1.0, "0", 7.0)
 
 
+def test_a_violation_of_0_has_no_sign():
+    largest = Check.largest("a", [-0.0, -1.0], 1.0, "m", lambda k: f"{k}", 0.1)
+    scaled = Check.scaled("a", "", -0.0, "m", "end", 0.1, 1.0)
+    assert "worst 0 m" in str(largest) and "worst 0 m" in str(scaled)
+
+
 def test_places_are_indices_of_any_shape():
     values = np.zeros((2, 3))
     values[1, 2] = 4.0
