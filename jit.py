@@ -128,16 +128,19 @@ class Kernel:
     ----------
     function : callable
         The loop in Python, available as ``.py_func``.
-    *flags : bool
-        The parameters `interpretable`, `in_place`, `allocates` and `shared` of :func:`kernel`.
+    interpretable, in_place, allocates, shared : bool
+        See :func:`kernel`.
     """
 
-    def __init__(self, function: Callable[..., Any], *flags: bool) -> None:
+    def __init__(
+        self, function: Callable[..., Any], interpretable: bool, in_place: bool, allocates: bool, shared: bool
+    ) -> None:  # fmt: skip
         self.py_func = function
-        self.interpretable, self.in_place, self.allocates, shared = flags
-        self.shared = shared or self.interpretable
-        #: The second one is the CPU seconds of the last interpreted call if nothing can end it early.
-        self._ready, self._last = False, 0.0
+        self.interpretable, self.in_place, self.allocates = interpretable, in_place, allocates
+        self.shared = shared or interpretable
+        self._ready = False
+        #: CPU seconds of the last interpreted call if nothing can end it early.
+        self._last = 0.0
         update_wrapper(self, function)
 
     @property
@@ -420,12 +423,8 @@ if hasattr(os, "register_at_fork"):
 def kernel(function: F) -> F: ...
 @overload
 def kernel(
-    *,
-    interpretable: bool = False,
-    in_place: bool = False,
-    allocates: bool = True,
-    shared: bool = False,
-) -> Callable[[F], F]: ...
+    *, interpretable: bool = False, in_place: bool = False, allocates: bool = True, shared: bool = False
+) -> Callable[[F], F]: ...  # fmt: skip
 def kernel(
     function: Callable[..., Any] | None = None,
     *,
