@@ -11,8 +11,6 @@ from crosstrack.models import OptimalControlProblem
 from crosstrack.models.optimal_control import covariance
 from crosstrack.models.optimal_control.epigraph import epigraph_of
 
-integrate = pytest.importorskip("scipy.integrate")
-
 
 def cart(cost, *, terminal=None, sense="upper", limit=None, **bounds):
     """Return a point that moves with a bounded speed, with the integral of `cost(x, u, t)` as objective."""
