@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import warnings
+import zlib
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
@@ -186,6 +187,29 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     if collection_path.name == "benchmarks" and collection_path.parent == ROOT / "tests":
         return not any("benchmarks" in argument for argument in config.args)
     return None
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the cases of sweeps slow, except for samples drawn by their names.
+
+    ``@pytest.mark.sample(n)`` keeps one case in `n`. Of a product of parameters, each value is kept once at least.
+    """
+    sweeps: dict[tuple[Path, str], list[Any]] = {}
+    for item in items:
+        if item.get_closest_marker("sample") and not item.get_closest_marker("slow"):
+            sweeps.setdefault((item.path, item.originalname), []).append(item)
+    for cases in sweeps.values():
+        share = cases[0].get_closest_marker("sample").args[0]
+        is_product = len(list(cases[0].iter_markers("parametrize"))) > 1
+        present: set[tuple[str, int]] = set()
+        cases.sort(key=lambda case: zlib.crc32(case.name.encode()))
+        for k, case in enumerate(cases):
+            values = {(name, id(value)) for name, value in case.callspec.params.items()}
+            if k * share < len(cases) or (is_product and not values <= present):
+                present |= values
+            else:
+                case.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(autouse=True)

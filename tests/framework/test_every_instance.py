@@ -123,6 +123,7 @@ LARGE = {
 }
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "entry",
     [

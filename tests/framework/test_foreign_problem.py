@@ -54,6 +54,7 @@ def covering(monkeypatch):
         del sys.modules[name]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(40))
 def test_the_exact_example_equals_brute_force_on_real_weights(seed, covering):
     """It truncated weights to whole numbers: a feasible instance was called infeasible."""

@@ -31,6 +31,7 @@ from crosstrack.solvers import FrontPoint
 KINDS = ("plane", "ties", "nothing", "places", "far", "line")
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
     ("objective", "second", "q"),

@@ -127,6 +127,7 @@ def test_a_stopped_run_returns_the_plan_of_its_heuristic(case, monkeypatch):
         assert found.dual_bound <= best.primal_bound * (1 + 1e-9)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seconds", [0.05, 0.3])
 @pytest.mark.parametrize("case", [case for case, one in CASES.items() if one[1]], ids="/".join)
 def test_bounds_hold_at_short_time_limits(case, seconds):
