@@ -20,6 +20,8 @@ from crosstrack.models.problems import PROBLEMS, problem_of
 #: Largest page of a small example, and of the page without its data (bytes).
 MOST, MOST_EMPTY = 1_000_000, 100_000
 VIEWS = ((1280, "light"), (1280, "dark"), (400, "dark"), (400, "light"))
+#: Problems whose controls are tried in the fast tests: curves over time, pictures without time, frames on a map.
+QUICK = ("fleet_mission", "grid_path", "minimum_snap")
 
 
 @pytest.fixture(scope="module")
@@ -56,18 +58,33 @@ def opened(browser):
 def test_every_problem_is_shown(opened, pages, problem):
     page = pages(problem)
     assert len(page.html.encode()) < MOST
-    sheet = opened(page)
+    width, scheme = VIEWS[list(PROBLEMS).index(problem) % len(VIEWS)]
+    sheet = opened(page, width, scheme)
+    assert sheet.evaluate("document.documentElement.scrollWidth") <= width
+    _check_colours(sheet, scheme)
+    _check_hover(sheet)
+    assert sheet.said == []
+    assert [url for url in sheet.asked if not url.startswith("data:")] == [page.path.as_uri()]
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        pytest.param(problem, marks=[] if problem in QUICK else [pytest.mark.slow])
+        for problem in PROBLEMS
+    ],
+)
+def test_every_view_and_control_of_a_page_works(opened, pages, problem):
+    sheet = opened(pages(problem))
     for width, scheme in VIEWS:
         sheet.set_viewport_size({"width": width, "height": 900})
         sheet.emulate_media(color_scheme=scheme)
         sheet.wait_for_timeout(60)
         assert sheet.evaluate("document.documentElement.scrollWidth") <= width
         _check_colours(sheet, scheme)
-    _check_hover(sheet)
     _check_play(sheet)
     _check_keyboard(sheet)
     assert sheet.said == []
-    assert [url for url in sheet.asked if not url.startswith("data:")] == [page.path.as_uri()]
 
 
 def _check_colours(sheet, scheme):
