@@ -236,7 +236,8 @@ def test_a_plan_may_come_as_a_solution_or_as_data(model):
     for plan in (best, best.plan, [0, 1, 2, 4], {"route": [0, 1, 2, 4]}):
         assert ct.verify(model, plan).objective == pytest.approx(4.5)
         assert ct.solve(model, "highs", warm_start=plan).termination == "optimal"
-        assert ct.compare([model], ["highs"], warm_start=plan).outcome == "AGREED"
+    assert ct.compare([model], ["highs"], warm_start=best).outcome == "AGREED"
+    assert ct.compare([model], ["highs"], warm_start=[0, 1, 2, 4]).outcome == "AGREED"
     nothing = ct.solve(model, Fixed(route=None))
     with pytest.raises(InvalidData, match="there is no plan"):
         ct.verify(model, nothing)
