@@ -110,6 +110,7 @@ def test_nothing_but_the_attractor(tmp_path):
 # -- curves ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", SHORT)
 @pytest.mark.parametrize("radius", [None, 0.4])
 def test_curves_are_those_counted_by_hand(name, radius):
@@ -264,6 +265,7 @@ def test_what_no_picture_shows():
 # -- strange series --------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(2)
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("series", "plan"),

@@ -258,6 +258,7 @@ def test_the_improved_window_is_a_period():
     assert "window is that of c-c" in answer.message or answer.statistics["window"] >= 2
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("series", strange())
 def test_strange_series_have_an_embedding(name, series):

@@ -178,6 +178,7 @@ def test_noise_is_told():
     assert not answer.message
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ["cao", "false-neighbours"])
 @pytest.mark.parametrize("series", strange())
 def test_strange_series_have_an_embedding(name, series):

@@ -174,6 +174,7 @@ def wild_series() -> dict[str, np.ndarray]:
 WILD = wild_series()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("backend", BACKENDS, ids=NAMES)
 @pytest.mark.parametrize("name", WILD)
 def test_series_without_an_exponent_say_so(name: str, backend: Any) -> None:

@@ -188,6 +188,7 @@ WHOLE = ("full-analysis", "lyapunov-spectrum")  # the full analysis includes the
 WILDEST = ("an outlier of 1e140", "underflow", "one step", "a dead sensor")
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("backend", "name"),
     [

@@ -141,6 +141,7 @@ def test_states_are_delayed_values():
 # -- curves ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", SHORT)
 @pytest.mark.parametrize(
     ("delay", "dimension", "theiler"),

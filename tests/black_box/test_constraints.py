@@ -38,6 +38,7 @@ def test_published_problems_are_solved_within_one_per_cent(problem, name, budget
     assert optimum - 1e-6 * abs(optimum) <= answer.primal_bound <= optimum + 0.01 * abs(optimum)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", EVERY)
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
 def test_every_search_keeps_inequalities_of_any_scale(name, scale):

@@ -67,6 +67,7 @@ def test_any_budget_is_used_to_the_last_evaluation(backend: type[FishSwarm], bud
     assert model.verify(found.point).objective == found.primal_bound
 
 
+@pytest.mark.sample(2)
 @swarms
 @pytest.mark.parametrize("function", ["rastrigin", "step", "constant", "sphere", "ackley"])
 @pytest.mark.parametrize("dimension", [1, 100])

@@ -27,6 +27,7 @@ def many(function):
     return PythonFunction(function, vectorized=True)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", EVERY)
 @pytest.mark.parametrize("budget", [1, 2, 7, 50])
 def test_the_budget_is_used_and_never_exceeded(name, budget):
@@ -79,6 +80,7 @@ def best_in_box(name, lowest, width):
     return answer.primal_bound, np.array(answer.point.x) / width - lowest
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", EVERY)
 @pytest.mark.parametrize(
     ("lowest", "width"), [(0.0, 2.0**30), (-3.0, 2.0**-30), (2.0**20, 2.0**10)]
@@ -118,6 +120,7 @@ def test_no_value_anywhere(name):
     assert len(oracle.points) == 60
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", EVERY)
 @pytest.mark.parametrize(
     ("function", "bounds", "most"),
@@ -165,6 +168,7 @@ def test_variables_without_a_width_are_fixed(name):
     assert oracle.points == [[2.5, -7]] and answer.point.x == (2.5, -7) and answer.limit is None
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", EVERY)
 @pytest.mark.parametrize("budget", [1, 40])
 def test_a_warm_start_is_never_lost(name, budget):

@@ -120,6 +120,7 @@ def test_a_crossing_by_one_rounding_error_is_detected():
         assert crosses([0.0, 0.0], end, zone) == wanted
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "seed", [*range(24), *(pytest.param(k, marks=pytest.mark.slow) for k in range(24, 300))]
 )

@@ -65,6 +65,7 @@ def best(model, exactly=False):
     return least
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(0, 60, 2))
 def test_exact_by_labels_and_by_a_program(seed):
     model = drawn(seed)

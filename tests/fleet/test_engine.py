@@ -131,6 +131,7 @@ def test_legs_equal_the_distances(metric, monkeypatch):
     assert lean.symmetric
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("metric", ["euclidean", "rounded", "paper"])
 @pytest.mark.parametrize("objective", OBJECTIVES)
 @pytest.mark.parametrize("seed", range(3))

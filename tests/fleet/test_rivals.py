@@ -109,6 +109,7 @@ def solved(model: FleetRouting, name: str, **more: Any) -> Any:
     return ct.solve(model, name, backend_options=options, **more)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("case", WILD)
 def test_every_plan_is_valid(name: str, case: str) -> None:
     model = WILD[case]

@@ -132,6 +132,7 @@ def test_curves_along_random_polylines(seed):
     assert curve.duration <= with_stops(model, knots) * (1 + 1e-3)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
 @pytest.mark.parametrize(
     "knots",

@@ -111,6 +111,7 @@ REPEATED = {
 }
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("name", "backend"),
     [

@@ -50,6 +50,7 @@ def settled(answer, value):
 # -- what is known of all tours ------------------------------------------------------------------
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", some(30, 120))
 def test_crossings_and_turns_hold_for_all_shortest_tours(seed):
     model = reduced(random_tour(seed, most=7))[0]
@@ -98,6 +99,7 @@ def test_lengths_are_decimal_numbers():
 # -- every plan ----------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("seed", range(100, 118))
 def test_every_plan_fits(seed, name):
@@ -169,6 +171,7 @@ def test_a_plan_that_turns_more_often():
 # -- against enumeration -------------------------------------------------------------------------
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", some(12, 40))
 @pytest.mark.parametrize("name", NAMES)
 def test_highs_equals_enumeration(seed, name):

@@ -104,6 +104,7 @@ def test_the_bound_equals_brute_force(seed):
     assert close(found.dual_bound, best, model), (found.dual_bound, best)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(1, 60, 2))
 def test_without_a_turning_radius_the_bound_is_a_plan(seed):
     model = drawn(seed, turning_radius=0)
@@ -129,6 +130,7 @@ def test_the_shortest_tour_of_a_square_and_of_a_line():
     assert ct.solve(line, "euclidean-bound").dual_bound == pytest.approx(wanted, rel=1e-8)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(18))
 def test_all_conic_backends_agree_on_the_relaxation(seed):
     model = MODELS[seed]

@@ -44,6 +44,7 @@ def flight(seed, turns, straight):
     return model, TourPlan(range(n), times, points, np.zeros(3), pieces)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(45))
 def test_no_flight_is_shorter_than_a_bound(seed):
     model, plan = flight(seed, *[(1.0, 8.0), (3.0, 4.0), (6.0, 1.0)][seed // 15])
@@ -93,6 +94,7 @@ def round_flight(seed):
     return model, TourPlan(range(n), draft.times, points, start, pieces)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(40))
 def test_no_closed_flight_is_shorter_than_a_bound(seed):
     model, plan = round_flight(seed)
@@ -129,6 +131,7 @@ def test_the_curvature_bound_of_a_square_is_exact():
     assert ct.solve(headed, "curvature-bound").dual_bound == pytest.approx(wanted, rel=1e-5)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("angle", [1e-6, 0.3, 1.5, 2.5, 3.1, math.pi])
 @pytest.mark.parametrize("weights", [(1.0, 1.0), (1e-3, 2.0), (5.0, 0.1), (1.0, 0.0)])
 @pytest.mark.parametrize("halves", [(9.0, 9.0), (0.0, 9.0), (0.2, 0.7), (1.5, 1.0)])

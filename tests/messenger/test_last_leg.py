@@ -38,6 +38,7 @@ def searched(heading, disc, speed, r, count=361):
     return best
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "seed", [pytest.param(k, marks=[pytest.mark.slow] if k % 3 else []) for k in range(60)]
 )

@@ -71,6 +71,7 @@ def answer_to(name, interior=True):
     return searched(WILD[name], interior=interior)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("interior", [True, False], ids=["inside", "boundary"])
 @pytest.mark.parametrize("name", WILD)
 def test_plans_of_all_cases_are_feasible(name, interior):

@@ -191,6 +191,7 @@ def with_free_times(model, **how):
     return TimeAllocation(**{**given, "time_weight": 2.0, "total_time": total, **how})
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("name", LIMITS)
 def test_the_limit_of_each_check(name, unit):

@@ -66,6 +66,7 @@ def flown(seed):
 # -- what is feasible is never called infeasible --------------------------------------------------------
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(0, 60, 4))
 def test_bounds_of_a_known_plan_are_feasible(seed):
     check_flown(seed)

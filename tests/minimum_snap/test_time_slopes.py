@@ -95,6 +95,7 @@ BOUNDED = {
 }
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", BOUNDED)
 @pytest.mark.parametrize("gap", [1e-1, 1e-4, 1e-7])
 def test_the_slope_with_active_limits_is_that_of_differences(name, gap):

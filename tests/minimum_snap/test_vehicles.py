@@ -171,6 +171,7 @@ def test_the_rates_at_standstill_are_limits():
 # -- extremes ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("vehicle", "dimensions", "yaw"),
     [

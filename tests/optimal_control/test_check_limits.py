@@ -255,6 +255,7 @@ def cases_of(unit):
     return [*limits(unit)]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("name", LIMITS)
 def test_the_limit_of_each_check(name, unit):

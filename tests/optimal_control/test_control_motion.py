@@ -195,6 +195,7 @@ def test_verifies_any_polynomial_motion_of_integrators(coefficients, lengths, or
         assert found.objective == pytest.approx(exact, rel=1e-10, abs=1e-10)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("place", [6, 7, 8, 9, 11, 13])
 @pytest.mark.parametrize("excess", [1e-5, 1e-3])
 @pytest.mark.parametrize("sign", [1, -1])

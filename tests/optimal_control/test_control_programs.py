@@ -88,6 +88,7 @@ def drawn(program, seed=1):
     return low + draw.uniform(0.1, 0.9, program.size) * (high - low), draw
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", ["scalars", "matrices"])
 @pytest.mark.parametrize("name", [*FORMULATIONS, "paper"])
 def test_derivatives_are_those_of_automatic_differentiation(name, kind):

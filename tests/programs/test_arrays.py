@@ -40,6 +40,7 @@ def _optimum(program: Any) -> float:
 # SciPy.
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(20))
 def test_linprog_and_milp_arguments_keep_their_optimum(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -139,6 +139,7 @@ def test_no_multipliers_prove_more_than_a_point_has(duals, point):
         assert program.dual_bound(np.array(duals)) <= program.objective(x) + 1e-7
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 @pytest.mark.parametrize("how", ["mps", "lp"])
 def test_other_tools_read_the_same_program(case, how, tmp_path):

@@ -418,6 +418,7 @@ def wild_training():
     }  # fmt: skip
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("case", wild_training())
 @pytest.mark.parametrize("name", LEARNING)
 @pytest.mark.parametrize("inputs", [pytest.param(False, marks=pytest.mark.slow), True])

@@ -29,6 +29,7 @@ PLANNERS = (DStarLite, AStarReplanning, CurrentView)
 OPEN = ["S....", ".....", ".....", ".....", "....T"]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("backend", PLANNERS, ids=lambda one: one.name)
 @pytest.mark.parametrize(
     "fields",

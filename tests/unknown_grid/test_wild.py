@@ -46,6 +46,7 @@ def judge(model, least, plan):
     return found.objective, float(np.mean(bound))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("uav", list(Hover))
 @pytest.mark.parametrize("name", CLASSICAL)
 def test_a_policy_ends_verifies_replays_and_never_beats_the_truth(name, uav):
@@ -140,6 +141,7 @@ def test_learned_policies_terminate_with_any_weights(name, factor, tmp_path):
         judge(model, least, first.point)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", [*CLASSICAL, *LEARNED])
 def test_images_of_noise_mislead_and_do_no_harm(name, monkeypatch, tmp_path):
     pytest.importorskip("crosstrack.solvers.unknown_grid.perception", reason="it reads the images")
