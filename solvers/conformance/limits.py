@@ -102,7 +102,7 @@ def limit_cases() -> tuple[Case, ...]:
 
     result = expect(Limit.TIME, Termination.FEASIBLE)
     first, *others = timed_cases(
-        "", hard, start, best_known=_BEST_KNOWN, floor=_FLOOR, seconds=0.5, stop_after=0.4
+        "", hard, start, best_known=_BEST_KNOWN, floor=_FLOOR, seconds=0.3, stop_after=0.2
     )
     *others, kept = others
     return (
@@ -128,7 +128,7 @@ def limit_cases() -> tuple[Case, ...]:
             hard,
             result,
             frozenset({Feature.WARM_START, Feature.CUTOFF}),
-            {"time_limit": 0.5, "warm_start": start, "cutoff": _BEST_KNOWN},
+            {"time_limit": 0.3, "warm_start": start, "cutoff": _BEST_KNOWN},
             further=no_worse,
         ),
         Case(
@@ -136,7 +136,7 @@ def limit_cases() -> tuple[Case, ...]:
             hard,
             result,
             frozenset({Feature.INCUMBENTS}),
-            {"time_limit": 0.5},
+            {"time_limit": 0.3},
             further=_monotone,
         ),
         Case(
@@ -144,7 +144,7 @@ def limit_cases() -> tuple[Case, ...]:
             hard,
             result,
             frozenset({Feature.THREADS}),
-            {"time_limit": 0.6, "threads": 1},
+            {"time_limit": 0.4, "threads": 1},
             further=_one_core,
         ),
     )
