@@ -244,7 +244,11 @@ def test_the_public_rows_with_suspects(thresholds, optimum, corrections):
 @pytest.mark.parametrize(
     ("suspects", "wanted"),
     [
-        (False, {11: 106545.931, 10: 107964.430, 9: 112152.654}),
+        pytest.param(
+            False,
+            {11: 106545.931, 10: 107964.430, 9: 112152.654},
+            marks=pytest.mark.slow,
+        ),
         (True, {11: 108149.397, 10: 126030.420}),
     ],
 )

@@ -24,9 +24,9 @@ def fleet():
 
 def loaded():
     rng = np.random.default_rng(3)
-    demands = [0, *rng.integers(1, 9, 15).tolist()]
+    demands = [0, *rng.integers(1, 9, 11).tolist()]
     return FleetRouting(
-        4, points=rng.random((16, 2)), objective="sum", demands=demands, capacity=22
+        3, points=rng.random((12, 2)), objective="sum", demands=demands, capacity=22
     )
 
 

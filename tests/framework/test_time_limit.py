@@ -34,7 +34,7 @@ SLACK = 2.0
         "ct.models.MinimumSnap([[0, 0], [1, 2], [3, 1]], [0, 1, 2], velocity_limit=4.0)",
         pytest.param("ct.load('minimum-snap/gate-2d')", marks=pytest.mark.slow),
         "ct.load('messenger/B-03-04')",
-        "ct.load('fleet-mission/pocket')",
+        pytest.param("ct.load('fleet-mission/pocket')", marks=pytest.mark.slow),
     ],
 )
 def test_an_empty_cache_does_not_stretch_the_time_limit(model, run_python, tmp_path):
@@ -244,8 +244,10 @@ def test_a_warm_tour_within_a_short_limit_has_a_bound(run_python, tmp_path):
         "found = ct.solve(tour, time_limit=limit, seed=1)\n"
         "print(found.dual_bound, 'interpreted' in found.message)\n"
     )
-    # The first run fills the cache. Compiling takes more than the limit, and a busy machine less to load the code.
-    for limit in ("0", "5"):
+    # If the code is not compiled yet, which takes more than the limit, a run without a limit fills the cache.
+    for limit in ("5", "0", "5"):
         bound, interpreted = run_python("-c", code, limit, cwd=tmp_path).split()
+        if interpreted == "False" and limit == "5":
+            break
     assert float(bound) > 100.0
     assert interpreted == "False"

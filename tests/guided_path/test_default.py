@@ -22,7 +22,7 @@ def test_two_chains_prefer_the_dynamic_program(as_pairs):
     assert recommended(crossed).name == "a-star"
 
 
-@pytest.mark.parametrize("chains", [5, 50])
+@pytest.mark.parametrize("chains", [pytest.param(5, marks=pytest.mark.slow), 50])
 def test_the_default_is_no_worse_than_its_starter_on_large_tours(chains):
     model = chains_tour(chains, 2000 // chains, 1)
     first = ct.solve(model, "insert-nearest")

@@ -34,7 +34,7 @@ def _violation(problem: Any) -> float:
     return max(float(np.max(constraint.violation())) for constraint in problem.constraints)
 
 
-@pytest.mark.parametrize("count", [COUNT // 4, pytest.param(COUNT, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [COUNT // 8, pytest.param(COUNT, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_answers_equal_those_of_cvxpy(kind: str, count: int) -> None:
     if kind == "integer":
