@@ -183,24 +183,9 @@ def wild():
     }
 
 
-#: Backends that contain the steps of the others, and series whose values overflow, underflow or are few.
-WHOLE = ("full-analysis", "lyapunov-spectrum")  # the full analysis includes the surrogates
-WILDEST = ("an outlier of 1e140", "underflow", "one step", "a dead sensor")
-
-
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(
-    ("backend", "name"),
-    [
-        pytest.param(
-            backend,
-            name,
-            marks=[] if backend in WHOLE or name in WILDEST else [pytest.mark.slow],
-        )
-        for backend in BACKENDS
-        for name in wild()
-    ],
-)
+@pytest.mark.sample(4)
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", wild())
 def test_wild_series_have_a_verified_result(backend, name):
     model = AttractorAnalysis(wild()[name])
     assert ct.solve(model, backend, seed=1).verification.ok

@@ -296,17 +296,9 @@ FAULTS = {
 }  # fmt: skip
 
 
-#: Each case at one scale in the fast tests, in turn, and at all scales in the slow ones.
-SCALED = [
-    pytest.param(
-        *one.values, scale, id=f"{one.id}-{scale:g}", marks=[pytest.mark.slow] * (k % 3 != n)
-    )
-    for k, one in enumerate(pairs(LIMITS))
-    for n, scale in enumerate(SCALES)
-]
-
-
-@pytest.mark.parametrize(("name", "case", "scale"), SCALED)
+@pytest.mark.sample(3)
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize(("name", "case"), pairs(LIMITS))
 def test_a_limit_is_kept_within_its_tolerance(name, case, scale):
     assert_limit(name, lambda share: case(scale, share))
 

@@ -92,34 +92,11 @@ WILD = {
     "bounds": {"bounds": (-1, -1, 11, 3.5)},
     "obstacle": {"moving": [MovingObstacle(0.5, [0, 9], [[2, 2], [9, 5]])]},
 }
-#: Flights whose stages before the curve are those of minco.
-SHARED = {
-    "empty grid",
-    "points",
-    "touches at the start",
-    "on the wall",
-    "a waypoint twice",
-    "bounds",
-    "wheels",
-    "a radius beyond the map",
-    "a waypoint at the start",
-    "weighted",
-}
-REPEATED = {
-    *((name, "staged") for name in SHARED),
-    ("a waypoint twice", "minco"),
-}
 
 
-@pytest.mark.sample(2)
-@pytest.mark.parametrize(
-    ("name", "backend"),
-    [
-        pytest.param(name, backend, marks=[pytest.mark.slow] * ((name, backend) in REPEATED))
-        for name in WILD
-        for backend in BACKENDS
-    ],
-)
+@pytest.mark.sample(3)
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", WILD)
 def test_wild_flights(name, backend):
     solved(around(**WILD[name]), backend)
 

@@ -237,15 +237,9 @@ def cases_of(unit):
     return [*limits(unit)]
 
 
-#: Each check in one pair of units in the fast tests, in turn, and in all units in the slow ones.
-IN_UNITS = [
-    pytest.param(name, unit, id=f"{name}-{n}", marks=[pytest.mark.slow] * (k % 3 != n))
-    for k, name in enumerate(LIMITS)
-    for n, unit in enumerate(UNITS)
-]
-
-
-@pytest.mark.parametrize(("name", "unit"), IN_UNITS)
+@pytest.mark.sample(3)
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("name", LIMITS)
 def test_the_limit_of_each_check(name, unit):
     cases = [case for case in cases_of(unit) if case[0] == name]
     assert cases
