@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from fleet.enumerated import OBJECTIVES, best
 from hypothesis import given, settings, strategies as st
+from scipy.sparse.csgraph import minimum_spanning_tree
+from scipy.spatial.distance import cdist
 
 import crosstrack as ct
 from crosstrack.models import FleetRouting
@@ -146,6 +148,21 @@ def test_the_tree_bound_is_below_the_optimum(metric, objective, seed):
     assert 0.0 <= tree_bound(model) <= best(model)[0] * (1 + 1e-9)
     on_a_line = dataclasses.replace(model, points=np.column_stack([np.arange(6.0), np.zeros(6)]))
     assert tree_bound(on_a_line) == 0.0
+
+
+@pytest.mark.parametrize("depots", [[0], [0, 1, 2]])
+@pytest.mark.parametrize("metric", ["euclidean", "rounded", "paper"])
+@pytest.mark.parametrize(("objective", "share"), [("sum", 1), ("max", 3)])
+def test_the_tree_bound_has_the_length_of_scipys_tree(objective, share, metric, depots):
+    points = np.random.default_rng(4).random((20, 2)) * 10
+    lengths = cdist(points, points)
+    lengths[np.ix_(depots, depots)] = 1e-6  # depots are connected; SciPy drops edges of length 0
+    edges = minimum_spanning_tree(lengths).data
+    edges = np.floor(edges + 0.5) if metric == "rounded" else edges
+    model = FleetRouting(
+        3, points=points, metric=metric, objective=objective, depots=depots, use_all=False
+    )
+    assert tree_bound(model) == pytest.approx(edges.sum() / share, rel=1e-6)
 
 
 @pytest.fixture
