@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 import re
 import shutil
@@ -202,14 +203,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for cases in sweeps.values():
         share = cases[0].get_closest_marker("sample").args[0]
         is_product = len(list(cases[0].iter_markers("parametrize"))) > 1
-        present: set[tuple[str, int]] = set()
         cases.sort(key=lambda case: zlib.crc32(case.name.encode()))
-        for k, case in enumerate(cases):
-            values = {(name, id(value)) for name, value in case.callspec.params.items()}
-            if k * share < len(cases) or (is_product and not values <= present):
-                present |= values
-            else:
-                case.add_marker(pytest.mark.slow)
+        present: set[tuple[str, int]] = set()
+        kept: list[Any] = []
+        # Cases whose values are all new come first, so that few cases have each value.
+        for is_new in (set.isdisjoint, lambda values, others: not values <= others):
+            for case in cases if is_product else []:
+                values = {(name, id(value)) for name, value in case.callspec.params.items()}
+                if case not in kept and is_new(values, present):
+                    present |= values
+                    kept.append(case)
+        rest = [case for case in cases if case not in kept]
+        for case in rest[max(0, math.ceil(len(cases) / share) - len(kept)) :]:
+            case.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(autouse=True)

@@ -128,7 +128,7 @@ def test_a_path_without_freedom_is_optimal_or_proven_infeasible(vehicle, points,
 
 
 def test_limits_that_only_the_linearisation_exceeds_prove_nothing():
-    model = MinimumSnap(POINTS[:3], [0, 1, 2], vehicle=Quadrotor(1.0, (0, 90), body_rate=0.2))
+    model = MinimumSnap(POINTS[:3], [0, 1, 2], vehicle=Quadrotor(1.0, (0, 90), body_rate=0.05))
     solution = ct.solve(model, "clarabel")
     assert solution.termination is Termination.NO_SOLUTION and solution.dual_bound is None
 
