@@ -136,7 +136,7 @@ def test_bad_backends_cost_their_own_rows_only(model):
         ct.compare([model], backends, time_limit=0.5)
     begin = time.perf_counter()
     result = ct.compare(
-        [model, replace(model, name="again")], backends[:-1], time_limit=1.5, grace=0.5, workers=2
+        [model, replace(model, name="again")], backends[:-1], time_limit=1.5, grace=1.5, workers=2
     )
     assert time.perf_counter() - begin < 60
     for verdict in result.verdicts:
