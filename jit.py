@@ -48,7 +48,6 @@ __all__ = [
     "clock",
     "compile_always",
     "end_interpretation",
-    "interpreting",
     "kernel",
     "renew_budget",
     "watched",
@@ -316,6 +315,7 @@ class Kernel:
             file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
             if file is not None:  # None if NUMBA_DISABLE_JIT is set
                 compilation.name_by_key(file, compilation.stamp_of(self))
+                compilation.load_quickly(dispatcher._cache)
                 if not has_wrapper:
                     compilation.mark_keys(dispatcher._cache)
         except RuntimeError as error:
@@ -469,11 +469,6 @@ def _extend_budget() -> None:
     if call is None or event is None or event.is_set() or call[0]._last > _ahead:
         raise _BudgetUsedUp
     _here.event, _here.deadline = event, thread_time() + _ahead
-
-
-def interpreting() -> bool:
-    """Return whether the interpretation budget has time left, so that calls compile nothing yet."""
-    return _left > 0.0
 
 
 def compile_always() -> None:

@@ -173,7 +173,10 @@ def generate(
     steps = Optional(Whole(2)).coerce("levels", levels, {})
     scale = Real(0, strict=True).coerce("scale", scale, {})
     rng = np.random.default_rng(seed)
-    series = _MAKERS[kind](rng, count, lag) if kind in _MAKERS else _first(kind, rng, count, lag)
+    if kind in _MAKERS:
+        series = _MAKERS[kind](rng, count, lag)
+    else:
+        series = orbit(motion_of(kind, rng), count, lag)[:, 0]
     # Fewer digits, because sums of many values may differ in the last ones.
     deviation = float(f"{series.std():.6g}")
     if noise:
@@ -216,12 +219,6 @@ def motion_of(system: System, rng: np.random.Generator) -> Motion:
         f"system must be one with a tangent vector: henon, lorenz, rossler, got {system}",
         field="system",
     )
-
-
-def _first(system: System, rng: np.random.Generator, count: int, period: float) -> Floats:
-    """Return the first coordinate of an orbit."""
-    first: Floats = orbit(motion_of(system, rng), count, period)[:, 0]
-    return first
 
 
 def _normal(rng: np.random.Generator, count: int) -> Floats:
