@@ -136,7 +136,7 @@ def name_by_key(file: Any, stamp: object) -> None:
 
 def load_quickly(cache: Any) -> None:
     """Make `cache` load compiled code without Numba's tables for compiling, which take 0.4 s of CPU."""
-    from numba.core.runtime import rtsys
+    from numba.core.runtime.nrt import rtsys
 
     def load(signature: Any, context: Any) -> Any:
         rtsys.initialize(context)

@@ -50,6 +50,7 @@ __all__ = [
     "end_interpretation",
     "kernel",
     "renew_budget",
+    "tick",
     "watched",
     "within",
 ]
@@ -460,6 +461,11 @@ def kernel(
     if function is None:
         return lambda function: Kernel(function, interpretable, in_place, allocates, shared)
     return Kernel(function, interpretable, in_place, allocates, shared)
+
+
+@kernel
+def tick() -> None:
+    """End the interpretation of the calling loop if its budget or limit is exhausted; compiled code does nothing."""
 
 
 def _extend_budget() -> None:

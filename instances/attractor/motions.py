@@ -78,10 +78,8 @@ def hunt_rates(
         over = 1.0 - (p * p + q * q) / (speed * speed)
         bent = -2.0 * (p * dp + q * dq) / (speed * speed)
         rates[at + 2], rates[at + 3] = thrust * over * p, thrust * over * q
-        growth[at + 2], growth[at + 3] = (
-            thrust * (over * dp + bent * p),
-            thrust * (over * dq + bent * q),
-        )
+        growth[at + 2] = thrust * (over * dp + bent * p)
+        growth[at + 3] = thrust * (over * dq + bent * q)
         # The four walls.
         for gap, sign in ((x - radius, 1.0), (width - radius - x, -1.0)):
             rates[at + 2] += sign * barrier / (gap * gap)

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ...jit import kernel
+from ...jit import kernel, tick
 
 __all__ = ["count_pairs", "mean_partings", "nearest_states", "order_states"]
 
@@ -42,16 +42,12 @@ def nearest_states(
     infinite.
     """
     m, d = states.shape
-    which, nearest, visits = (
-        np.full((len(places), count), -1),
-        np.full((len(places), count), np.inf),
-        0,
-    )
-    last = count - 1
+    which, nearest = np.full((len(places), count), -1), np.full((len(places), count), np.inf)
+    visits, last = 0, count - 1
     for row in range(len(places)):
+        tick()
         place, near, who = places[row], nearest[row], which[row]
-        left, right = place - 1, place + 1
-        backward = True
+        left, right, backward = place - 1, place + 1, True
         while left >= 0 or right < m:
             backward = not backward
             if (backward and left < 0) or (not backward and right >= m):
@@ -113,6 +109,7 @@ def mean_partings(
     sums, counts, neighbours = np.zeros(ahead + 1), np.zeros(ahead + 1, np.int64), 0
     total = np.empty(ahead + 1)
     for row in range(len(places)):
+        tick()
         place = places[row]
         i = times[place]
         total[:] = 0.0
@@ -165,6 +162,7 @@ def count_pairs(
     most = radii[last]
     result, visits = np.zeros(last + 1, np.int64), 0
     for row in range(len(places)):
+        tick()
         place = places[row]
         for side in range(-1, 2, 2):
             other = place + side

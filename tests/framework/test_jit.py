@@ -20,6 +20,7 @@ from crosstrack import compilation, jit
 from crosstrack.instances.error_correction.generator import random_small, uniform_slab
 from crosstrack.jit import kernel
 from crosstrack.solvers import Request, find_backend
+from crosstrack.solvers.attractor import neighbour_kernels
 from crosstrack.solvers.contract.control import Control
 from crosstrack.solvers.contract.enums import Limit
 from crosstrack.solvers.contract.stopping import Seconds
@@ -106,6 +107,24 @@ def test_a_kernel_starts_again_where_its_budget_ends(budget):
     assert np.array_equal(out, values / 2)
     assert len(total.dispatcher.signatures) == 1
     assert len(halved.dispatcher.signatures) <= 1  # none where `total` was loaded from the disk
+
+
+@pytest.mark.parametrize(
+    ("kernel", "further"),
+    [
+        (neighbour_kernels.nearest_states, (5, True)),
+        (neighbour_kernels.count_pairs, (np.ones(2),)),
+        (neighbour_kernels.mean_partings, (1.0, 5)),
+    ],
+)
+def test_a_search_of_neighbours_ends_at_its_budget(monkeypatch, kernel, further):
+    """The time of one call grows with the square of the states if many of them are equal."""
+    states, *order = neighbour_kernels.order_states(np.zeros((50, 2)))
+    first = (states, states) if kernel is neighbour_kernels.mean_partings else (states,)
+    assert kernel.py_func(*first, *order, 0, *further)[-1] >= 0
+    monkeypatch.setattr(jit._here, "deadline", 1e-9)  # the CPU time of the thread is beyond it
+    with pytest.raises(jit._BudgetUsedUp):
+        kernel.py_func(*first, *order, 0, *further)
 
 
 def test_kernels_that_must_not_be_interpreted_are_compiled_at_once(budget):
