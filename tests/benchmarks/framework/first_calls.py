@@ -4,12 +4,14 @@
 
     python tests/benchmarks/framework/first_calls.py records.jsonl
     python tests/benchmarks/framework/first_calls.py records.jsonl --names "fleet/*" --each 2
+    python tests/benchmarks/framework/first_calls.py records.jsonl --write
 
 Each catalogue entry is solved by two processes in turn, with the recommended backend and no limit; each
 Python block of README.md is run. The first process has an empty cache of compiled code. The second starts
 when the background compiler of the first has ended. CPU is that of the calling process, with the import and
 the loading of the model; that of its children, with the background compiler, is a column of its own. Runs
-that the file of records holds already are not repeated.
+that the file of records holds already are not repeated. ``--write`` writes the tables of the records to
+``docs/measured/first-calls.json``.
 """
 
 from __future__ import annotations
@@ -30,10 +32,21 @@ from typing import Any
 from crosstrack.instances import catalogue
 
 ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT / "tests"))
 #: Largest CPU time of a first call, s.
 MOST = 3.0
 #: Seconds after which a process is killed.
 KILLED = 120.0
+#: Columns of the tables, with their formats.
+PROBLEMS = {
+    "problem": "", "calls": "d", "CPU, s": ".1f", "largest CPU, s": ".1f", "second CPU, s": ".1f",
+    "largest second CPU, s": ".1f", "clock, s": ".1f", "largest clock, s": ".1f",
+    "compiler CPU, s": ".1f", "largest compiler CPU, s": ".1f", "slowest": "",
+}  # fmt: skip
+ABOVE = {
+    "call": "", "CPU, s": ".1f", "second CPU, s": ".1f", "clock, s": ".1f", "compiler CPU, s": ".1f",
+    "backend": "", "reason": "",
+}  # fmt: skip
 #: Script of one process: the name of an entry, or the code of a block, in; a record out.
 SOLVE = """
 import json, resource, sys, time
@@ -91,11 +104,17 @@ def main() -> None:
     parser.add_argument("records", type=Path)
     parser.add_argument("--names", nargs="+", default=["*"])
     parser.add_argument("--each", type=int, help="largest number of entries per problem")
+    parser.add_argument(
+        "--write", action="store_true", help="write the tables of the records, run nothing"
+    )
     options = parser.parse_args()
     done: dict[str, dict[str, Any]] = {}
     if options.records.exists():
         rows = [json.loads(line) for line in options.records.read_text().splitlines()]
         done = {row["name"]: row for row in rows}
+    if options.write:
+        write_tables(list(done.values()))
+        return
     names: dict[str, list[str]] = defaultdict(list)
     for name in (*BLOCKS, *(entry.name for entry in catalogue.entries())):
         if any(fnmatch(name, pattern) for pattern in options.names):
@@ -112,39 +131,64 @@ def main() -> None:
     report([done[name] for name in chosen])
 
 
-def report(rows: list[dict[str, Any]]) -> None:
-    """Print a row per problem, and each entry whose first call takes too much CPU."""
+def per_problem(rows: list[dict[str, Any]]) -> list[list[Any]]:
+    """Return a row per problem, and one of all: medians and largest values of the calls without an error."""
     groups: dict[str, list[dict[str, Any]]] = defaultdict(list)
     for row in rows:
         if "error" not in row["first"] and "error" not in row["second"]:
             groups[row["name"].split("/")[0]].append(row)
-    print(
-        f"{'problem':<20}{'entries':>8}{'CPU first':>11}{'worst':>7}{'second':>8}{'worst':>7}"
-        f"{'wall first':>12}{'worst':>7}{'compiler':>10}  worst entry"
-    )
     groups["all"] = [row for group in groups.values() for row in group]
+    result: list[list[Any]] = []
     for problem, group in groups.items():
-        columns = [
-            [row[call][key] for row in group]
-            for call, key in (("first", "cpu"), ("second", "cpu"), ("first", "wall"))
-        ]
-        cpu, again, wall = ((median(column), max(column)) for column in columns)
-        worst = max(group, key=lambda row: row["first"]["cpu"])["name"]
-        compiler = median(row["first"]["children"] for row in group)
-        print(
-            f"{problem:<20}{len(group):>8}{cpu[0]:>11.1f}{cpu[1]:>7.1f}{again[0]:>8.1f}{again[1]:>7.1f}"
-            f"{wall[0]:>12.1f}{wall[1]:>7.1f}{compiler:>10.1f}  {worst}"
-        )
+        cells: list[Any] = [problem, len(group)]
+        for call, key in (
+            ("first", "cpu"),
+            ("second", "cpu"),
+            ("first", "wall"),
+            ("first", "children"),
+        ):
+            values = [row[call][key] for row in group]
+            cells += [median(values), max(values)]
+        result.append([*cells, max(group, key=lambda row: row["first"]["cpu"])["name"]])
+    return result
+
+
+def above(rows: list[dict[str, Any]]) -> list[list[Any]]:
+    """Return a row per call that failed or took more than :data:`MOST` seconds of CPU, the longest first."""
+    result: list[list[Any]] = []
     for row in rows:
         first, second = row["first"], row["second"]
-        if "error" in first or "error" in second:
-            print(f"{row['name']}: {first.get('error')}, {second.get('error')}")
-        elif first["cpu"] > MOST:
-            why = "the solve itself" if second["cpu"] > MOST else "compiling"
-            print(
-                f"{row['name']}: {first['cpu']:.1f} s, then {second['cpu']:.1f} s: {why}, "
-                f"{first['backend']}"
-            )
+        error = first.get("error") or second.get("error")
+        if error or first["cpu"] > MOST:
+            reason = error or ("solving" if second["cpu"] > MOST else "compiling")
+            figures = [
+                first.get("cpu"),
+                second.get("cpu"),
+                first.get("wall"),
+                first.get("children"),
+            ]
+            result.append([row["name"], *figures, first.get("backend"), reason])
+    return sorted(result, key=lambda cells: -(cells[1] or KILLED))
+
+
+def report(rows: list[dict[str, Any]]) -> None:
+    """Print both tables."""
+    for columns, table in ((PROBLEMS, per_problem(rows)), (ABOVE, above(rows))):
+        print(*columns, sep="; ")
+        for cells in table:
+            pairs = zip(cells, columns.values(), strict=True)
+            print(*("" if cell is None else format(cell, form) for cell, form in pairs), sep="; ")
+
+
+def write_tables(rows: list[dict[str, Any]]) -> None:
+    """Write both tables to ``docs/measured/first-calls.json``."""
+    from benchmarks.measured import write
+
+    count = len(BLOCKS) + len(catalogue.entries())
+    text = f"{len(rows)} of {count} catalogue entries and blocks of the README were measured."
+    packages = ["numba", "llvmlite", "numpy", "scipy"]
+    write("first-calls", "problems", __file__, PROBLEMS, per_problem(rows), packages, text)
+    write("first-calls", "above", __file__, ABOVE, above(rows), packages)
 
 
 if __name__ == "__main__":
