@@ -186,9 +186,7 @@ def largest_exponent(motion: Motion, duration: float, interval: float = 1.0) -> 
     logs = np.empty(count)
     _growth(motion.kind, motion.constants, motion.start, step, inner, skipped, logs)
     if not np.isfinite(logs).all():
-        raise InvalidData(
-            "motion must stay bounded, but its tangent vector did not", field="motion"
-        )
+        raise InvalidData("motion must stay bounded; its tangent vector did not", field="motion")
     rates = logs / (inner * step)
     parts = [part.mean() for part in np.array_split(rates, _PARTS)]
     return Growth(float(rates.mean()), float(np.std(parts, ddof=1) / math.sqrt(_PARTS)))

@@ -526,3 +526,18 @@ def test_a_run_that_was_killed_resumes_with_the_same_plan(tmp_path, name, count)
     assert end.stdout == plan.stdout and "(0." in plan.stdout
     count_lines = [len(one.read_text().splitlines()) for one in (path, tmp_path / "whole")]
     assert count_lines[1] == 151 and 151 <= count_lines[0] <= 151 + 4 * 2
+
+
+SHORTCUTS = """
+import sys
+from crosstrack.solvers import find_backend
+find_backend("cma-es").prepare()
+import cma
+print("matplotlib" in sys.modules, callable(cma.s.better_limits), hasattr(cma.s, "nothing"))
+"""
+
+
+def test_the_evolution_strategy_does_not_import_matplotlib(run_python, tmp_path):
+    """The aliases of ``cma`` for pictures are imported when they are used."""
+    pytest.importorskip("cma", reason="cma-es needs crosstrack[blackbox]")
+    assert run_python("-c", SHORTCUTS, cwd=tmp_path).split() == ["False", "True", "False"]
