@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import dis
 import gc
 import hashlib
 import importlib
@@ -28,14 +29,12 @@ log = logging.getLogger("crosstrack")
 __all__ = [
     "callees",
     "compile_here",
-    "copies_of",
+    "expected_seconds",
     "is_cached",
-    "is_small",
-    "load_quickly",
+    "make_dispatcher",
     "may_be_cached",
     "name_by_key",
     "request",
-    "restore",
     "serve",
     "slowdown",
     "stamp_of",
@@ -49,12 +48,10 @@ _NICE = 10
 _POLL = 0.05
 #: Seconds between two looks of the background process at its parent.
 _LOOK = 0.5
+#: Measured compile time in seconds per instruction of a kernel and of the kernels it calls.
+_PER_INSTRUCTION = 2.2e-3
 #: Numbers from here on may have another compiled type.
 _LARGE = 2.0**63
-
-#: Largest array that is interpreted, in entries. A loop that calls no kernel detects only at its end
-#: that the budget is exhausted, and takes about 10 µs per entry.
-_MOST = 30_000
 
 _lock = threading.Lock()
 _process: subprocess.Popen[bytes] | None = None
@@ -107,6 +104,32 @@ def is_cached(dispatcher: Any, arguments: tuple[Any, ...]) -> bool:
     except Exception as error:  # a private interface: without it kernels are compiled again
         log.debug("the cache of compiled code cannot be read", exc_info=error)
         return False
+
+
+def make_dispatcher(kernel: Any, has_wrapper: bool) -> Any:
+    """Return Numba's dispatcher of a kernel; only compiled code can call one without the wrapper for Python."""
+    import numba
+
+    # Each wrapper takes a tenth of the compile time. That for calls from C is unused.
+    options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+    options["no_cpython_wrapper"] = not has_wrapper
+    if not kernel.allocates:
+        options["_nrt"] = False
+    try:
+        dispatcher = numba.njit(cache=True, **options)(kernel.py_func)
+    except RuntimeError as error:
+        # Neither the source folder nor the user's cache folder is writable.
+        log.info("compiled code is not kept: %s", error)
+        return numba.njit(**options)(kernel.py_func)
+    # Numba's cache checks this function's file alone, and would call outdated code of a
+    # kernel in another file.
+    file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    if file is not None:  # None if NUMBA_DISABLE_JIT is set
+        name_by_key(file, stamp_of(kernel))
+        load_quickly(dispatcher._cache)
+        if not has_wrapper:
+            mark_keys(dispatcher._cache)
+    return dispatcher
 
 
 def name_by_key(file: Any, stamp: object) -> None:
@@ -281,39 +304,6 @@ def slowdown() -> float:
         return 1.0
 
 
-def is_small(arguments: tuple[Any, ...]) -> bool:
-    """Return whether all arrays among the arguments are small enough for interpretation."""
-    parts = (
-        part for value in arguments for part in (value if isinstance(value, tuple) else (value,))
-    )
-    return all(getattr(array, "size", 0) <= _MOST for array in parts)
-
-
-def copies_of(arguments: tuple[Any, ...]) -> list[tuple[Any, Any]]:
-    """Return pairs of each array or random generator that a kernel may update and its present state."""
-    import numpy as np
-
-    result: list[tuple[Any, Any]] = []
-    for value in arguments:
-        if isinstance(value, tuple):
-            result += copies_of(value)
-        elif isinstance(value, np.random.Generator):
-            result.append((value, value.bit_generator.state))
-        elif isinstance(value, np.ndarray) and value.flags.writeable:
-            if value.dtype != np.int8 or value.size != 1:  # not the stop flag
-                result.append((value, value.copy()))
-    return result
-
-
-def restore(copies: list[tuple[Any, Any]]) -> None:
-    """Give arrays and random generators the state that :func:`copies_of` returned."""
-    for value, state in copies:
-        if hasattr(value, "bit_generator"):
-            value.bit_generator.state = state
-        else:
-            value[...] = state
-
-
 @cache
 def type_of_callee() -> Any:
     """Return the class of Numba types of kernels that compiled code calls."""
@@ -344,6 +334,14 @@ def callees(kernel: Any) -> set[Any]:
             values = (item.py_func.__globals__.get(name) for name in names)
             todo += [value for value in values if isinstance(value, type(kernel))]
     return result
+
+
+def expected_seconds(kernel: Any) -> float:
+    """Return the expected compile time of `kernel` and of the kernels that it calls, in seconds."""
+    # The bytecode also has entries of the inline cache, in other numbers from version to version.
+    return _PER_INSTRUCTION * sum(
+        sum(1 for _ in dis.get_instructions(it.py_func)) for it in callees(kernel)
+    )
 
 
 def stamp_of(kernel: Any) -> tuple[object, ...]:

@@ -14,7 +14,6 @@ fits in the time left. Otherwise the kernel is interpreted until the limit, and 
 from __future__ import annotations
 
 import ctypes
-import dis
 import logging
 import os
 import sys
@@ -25,7 +24,7 @@ from functools import cached_property, partial, update_wrapper
 from time import perf_counter, thread_time
 from typing import Any, TypeVar, cast, overload
 
-from . import compilation
+from . import compilation, interpretation
 from .timing import (
     Limit,
     OutOfTime,
@@ -50,6 +49,7 @@ __all__ = [
     "end_interpretation",
     "kernel",
     "renew_budget",
+    "start_compiling",
     "tick",
     "watched",
     "within",
@@ -63,10 +63,8 @@ BUDGET = 0.5
 #: Jobs of a process that begin with the whole budget, so that the order of short jobs does not matter. Many
 #: jobs would waste more time than compiling takes.
 RENEWALS = 8
-#: Further interpretation time, in seconds of CPU, of kernels that the background process compiles meanwhile.
-AHEAD = 0.75
-#: Measured compile time in seconds per instruction of a kernel and of the kernels it calls.
-_PER_INSTRUCTION = 2.2e-3
+#: Further interpretation time of kernels that are in no cache, in seconds of CPU.
+AHEAD = 1.2
 #: Least expected compile time of a kernel that the background process compiles, in seconds. It starts in 0.7 s.
 _APART = 0.5
 #: Seconds of compiling after which a warning is logged.
@@ -80,6 +78,8 @@ _SHARE, _SLOW = 0.15, 2.0
 #: Largest share of the time left for waiting until another process has compiled a kernel, and seconds without
 #: a limit, after which the kernel is compiled here: the process may be stopped, or busy with other kernels.
 _PATIENCE, _LONGEST = 0.25, 60.0
+#: Seconds between two looks at a kernel that is being compiled meanwhile.
+_POLL = 0.01
 #: Seconds that an interpreted kernel may run beyond the limit, to return its current result.
 _GRACE = 0.2
 
@@ -107,8 +107,12 @@ class _Here(threading.local):
 
     #: CPU time of the thread at which the budget ends; 0 outside of interpreted kernels.
     deadline = 0.0
+    #: Time of ``perf_counter()``, which is read faster, at which the budget is checked again.
+    look = 0.0
     #: Event that ends the budget earlier, because the kernel has been compiled.
     event: threading.Event | None = None
+    #: Number of times that the budget has been extended.
+    stage = 0
     #: The kernel being interpreted, and its arguments.
     call: tuple[Kernel, tuple[Any, ...]] | None = None
     #: Limit of the kernel that is interpreted because compiling takes too long, and its start time.
@@ -150,15 +154,14 @@ class Kernel:
 
     def __call__(self, *arguments: Any) -> Any:
         """Run the loop; kernels called by a kernel run in the mode of their caller."""
-        deadline = _here.deadline
-        if deadline:
-            if thread_time() > deadline or (_here.event is not None and _here.event.is_set()):
-                _extend_budget()
-            return self.py_func(*arguments)
+        if _here.deadline:
+            if perf_counter() > _here.look:
+                _look()
+            return self._interpreted(*arguments)
         if _here.stretched is not None:
             if perf_counter() > max(_here.stretched.interpretation_end, _here.begun) + _GRACE:
                 raise OutOfTime
-            return self.py_func(*arguments)
+            return self._interpreted(*arguments)
         if not self._ready and self._may_interpret(arguments):
             with suppress(_BudgetUsedUp):
                 return self._try(arguments)
@@ -172,7 +175,7 @@ class Kernel:
 
     def _may_interpret(self, arguments: tuple[Any, ...]) -> bool:
         """Return whether a call may be interpreted within a budget and start again after it."""
-        if not self.interpretable or not compilation.is_small(arguments):
+        if not self.interpretable or not interpretation.is_small(arguments):
             return False
         return not self.in_place or (self._is_new and current_limit().allows_trial)
 
@@ -182,33 +185,34 @@ class Kernel:
         return not compilation.may_be_cached(self.py_func)
 
     @cached_property
+    def _interpreted(self) -> Callable[..., Any]:
+        return interpretation.call_directly(self)
+
+    @cached_property
     def _calls_kernels(self) -> bool:
         """Whether the loop calls kernels, at which an interpreted call can end."""
         return len(compilation.callees(self)) > 1
 
-    def _start_compiling(self, arguments: tuple[Any, ...]) -> threading.Event | None:
-        """Start to compile in the background; None if this call does not interpret meanwhile."""
-        short = self._compile_seconds < _APART or not current_limit().allows_trial
-        if _ahead <= 0.0 or short or not self._is_new:
-            return None
-        name = self.py_func.__module__, self.py_func.__qualname__
-        return compilation.request(*name, arguments, nice=0)
+    @property
+    def _may_wait(self) -> bool:
+        """Whether the kernel is in no cache, and the run may interpret longer."""
+        return not self._ready and self._is_new and current_limit().allows_trial
 
     def _try(self, arguments: tuple[Any, ...]) -> Any:
         """Interpret within the budget; restore the arguments if it does not suffice."""
         global _left, _ahead
-        former = compilation.copies_of(arguments) if self.in_place else []
+        former = interpretation.copies_of(arguments) if self.in_place else []
         begin = thread_time()
-        _here.call, _here.deadline = (self, arguments), begin + _left
+        _here.call, _here.deadline, _here.look = (self, arguments), begin + _left, 0.0
         try:
             if _left <= self._last:
                 _extend_budget()
             return self._interpret(arguments)
         except _BudgetUsedUp:
-            compilation.restore(former)
+            interpretation.restore(former)
             raise
         finally:
-            _here.call, _here.event, _here.deadline = None, None, 0.0
+            _here.call, _here.event, _here.deadline, _here.stage = None, None, 0.0, 0
             spent = thread_time() - begin
             self._last = 0.0 if self._calls_kernels else spent
             _left, _ahead = max(_left - spent, 0.0), _ahead - max(spent - _left, 0.0)
@@ -259,11 +263,7 @@ class Kernel:
 
     @cached_property
     def _compile_seconds(self) -> float:
-        """Expected compile time of the kernel and of those that it calls, in seconds."""
-        # The bytecode also has entries of the inline cache, in other numbers from version to version.
-        return _PER_INSTRUCTION * sum(
-            sum(1 for _ in dis.get_instructions(it.py_func)) for it in compilation.callees(self)
-        )
+        return compilation.expected_seconds(self)
 
     def _compile_apart(self, arguments: tuple[Any, ...], timer: threading.Timer) -> None:
         """Start the timer and wait for the background process, if compiling the kernel takes long."""
@@ -300,29 +300,9 @@ class Kernel:
         return self._make_dispatcher(has_wrapper=True)
 
     def _make_dispatcher(self, has_wrapper: bool) -> Any:
-        """Return a dispatcher; only compiled code can call one without the wrapper for calls from Python."""
+        """Return a dispatcher that compiles inside the watchers."""
         _import_numba()
-        import numba
-
-        # Each wrapper takes a tenth of the compile time. That for calls from C is unused.
-        options: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
-        options["no_cpython_wrapper"] = not has_wrapper
-        if not self.allocates:
-            options["_nrt"] = False
-        try:
-            dispatcher = numba.njit(cache=True, **options)(self.py_func)
-            # Numba's cache checks this function's file alone, and would call outdated code of a
-            # kernel in another file.
-            file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-            if file is not None:  # None if NUMBA_DISABLE_JIT is set
-                compilation.name_by_key(file, compilation.stamp_of(self))
-                compilation.load_quickly(dispatcher._cache)
-                if not has_wrapper:
-                    compilation.mark_keys(dispatcher._cache)
-        except RuntimeError as error:
-            # Neither the source folder nor the user's cache folder is writable.
-            log.info("compiled code is not kept: %s", error)
-            dispatcher = numba.njit(**options)(self.py_func)
+        dispatcher = compilation.make_dispatcher(self, has_wrapper)
         compile_new = getattr(dispatcher, "_compile_for_args", None)
         if compile_new is not None:  # Numba calls it for arguments of new types
 
@@ -468,13 +448,42 @@ def tick() -> None:
     """End the interpretation of the calling loop if its budget or limit is exhausted; compiled code does nothing."""
 
 
+def _look() -> None:
+    """Extend the budget or raise ``_BudgetUsedUp`` if it is exhausted; set the time of the next look."""
+    left = _here.deadline - thread_time()
+    if left < 0.0 or (_here.event is not None and _here.event.is_set()):
+        _extend_budget()
+        left = _here.deadline - thread_time()
+    # The event may be set at any time.
+    _here.look = perf_counter() + (left if _here.event is None else min(left, _POLL))
+
+
 def _extend_budget() -> None:
-    """Let the background process compile and extend the budget once, or raise ``_BudgetUsedUp``."""
-    call = _here.call
-    event = call[0]._start_compiling(call[1]) if call and not _here.event else None
-    if call is None or event is None or event.is_set() or call[0]._last > _ahead:
+    """Extend the budget of a kernel that is in no cache, or raise ``_BudgetUsedUp``.
+
+    The background process compiles a long kernel during the second half of :data:`AHEAD`.
+    """
+    if _here.call is None or _here.stage == 2 or _ahead <= 0.0:
         raise _BudgetUsedUp
-    _here.event, _here.deadline = event, thread_time() + _ahead
+    kernel, arguments = _here.call
+    if not kernel._may_wait or kernel._last > _ahead:
+        raise _BudgetUsedUp
+    first = _ahead - 0.5 * AHEAD if _here.stage == 0 else 0.0
+    if first <= 0.0:
+        _here.event = start_compiling(kernel, *arguments)
+    if _here.event is not None and _here.event.is_set():
+        raise _BudgetUsedUp
+    _here.stage = 1 if first > 0.0 else 2
+    _here.deadline = thread_time() + (first if first > 0.0 else min(_ahead, 0.5 * AHEAD))
+
+
+def start_compiling(function: Callable[..., Any], *arguments: Any) -> threading.Event | None:
+    """Start to compile a kernel for the types of `arguments` in the background, if that is useful."""
+    kernel = cast(Kernel, function)
+    if not kernel._may_wait or kernel._compile_seconds < _APART:
+        return None
+    name = kernel.py_func.__module__, kernel.py_func.__qualname__
+    return compilation.request(*name, arguments, nice=0)
 
 
 def compile_always() -> None:

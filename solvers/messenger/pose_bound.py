@@ -21,10 +21,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from ...jit import start_compiling
 from ...models.messenger.model import MessengerTour
 from .pose_kernels import HIGH, LOW, PHI, PHI_HALF, THETA, THETA_HALF, arrivals, tails
 
-__all__ = ["covers", "prove_poses"]
+__all__ = ["covers", "prepare", "prove_poses"]
 
 Floats = NDArray[np.float64]
 
@@ -38,6 +39,13 @@ ROUNDING = 1e-9
 def covers(problem: MessengerTour) -> bool:
     """Return whether the bound applies: one UAV that begins at a given place and cannot turn on the spot."""
     return problem.start is not None and problem.turning_radius > 0 and problem.uavs is None
+
+
+def prepare() -> None:
+    """Start to compile the kernels in the background, if they are not compiled yet."""
+    cells, node, times = np.empty((1, 6)), np.empty(5), np.empty(1)
+    start_compiling(arrivals, cells, node, times, cells, node, 1.0, times)
+    start_compiling(tails, cells, node, times, cells, node, times, 1.0, times)
 
 
 def prove_poses(

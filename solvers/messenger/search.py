@@ -19,6 +19,7 @@ from .chain import fly
 from .emission import Chain, move_to_boundary
 from .extensions import TourBackend
 from .last_leg import bound_only_leg, fly_to_rims, shorten_last_leg
+from .pose_bound import covers, prepare, prove_poses
 from .starts import LEAST, Starts
 
 __all__ = ["TourSearch", "nearest_tour"]
@@ -42,6 +43,8 @@ SKETCH_PROGRAMS = 300
 #: Largest number of vehicles of the bound over poses. Its number of edges, and the factor on it if the
 #: requested gap is at least the given one.
 FEW, EDGES, MORE_EDGES, WIDE_GAP = 3, 300_000, 200, 1e-5
+#: Least number of steps of an annealing for so few vehicles. The first run then needs no compiled annealing.
+FEW_STEPS = 60
 #: Largest relative violation of a tour that is repaired.
 NEAR_MISS = 1e-3
 #: Least relative gain of a shorter tour that resets the patience.
@@ -73,10 +76,18 @@ class TourSearch(TourBackend):
         "polish": Option(True, "Whether to polish tours by a nonlinear program.", bool),
         "bound": Option(True, "Whether to prove a bound as well.", bool),
         "patience": Option(
-            16, "Annealings without a shorter tour after which the search ends.", int, lower=1
+            16,
+            "Annealings without a shorter tour after which the search ends; half as many for up to three "
+            "vehicles with a bound over poses.",
+            int,
+            lower=1,
         ),
         "steps": Option(
-            0, "Steps of one annealing; 0 means 20 per vehicle, but at least 300.", int, lower=0
+            0,
+            "Steps of one annealing; 0 means 20 per vehicle, but at least 300, or 60 for up to three vehicles "
+            "with a bound over poses.",
+            int,
+            lower=0,
         ),
     }
     summary = "annealing, polish, and a proven bound; ours"
@@ -103,6 +114,8 @@ class _Search(Starts):
         """Search, and return the best tour with its bound."""
         begin = clock()
         request, options = self.request, self.request.options
+        if options["bound"] and self.few:
+            prepare()
         if request.warm_start is not None:
             self.offer(request.warm_start)
         if request.time_limit is not None:
@@ -110,13 +123,13 @@ class _Search(Starts):
         if self.problem.start is not None:  # quick for any number of vehicles
             self.anneal(1, self.fly_rims(self.nearest()))
         if self.many:
-            self.anneal(LEAST, self.lay(self.nearest()))
+            self.anneal(self.least, self.lay(self.nearest()))
         if self.best is None or not self.many:
-            self.anneal(LEAST)
+            self.anneal(self.least)
         proven = clock()
         orders = self.prove() if options["bound"] else []
         proven = clock() - proven
-        steps = options["steps"] or max(STEPS * self.problem.size, LEAST)
+        steps = options["steps"] or max(STEPS * self.problem.size, self.least)
         for order in orders:
             if not self.ended:
                 self.anneal(steps, self.guided(order))
@@ -170,11 +183,21 @@ class _Search(Starts):
         return self.problem.size >= MANY
 
     @property
+    def few(self) -> bool:
+        """Whether the vehicles are so few that short annealings suffice, and the bound over poses applies."""
+        return self.problem.size <= FEW and covers(self.problem)
+
+    @property
+    def least(self) -> int:
+        """Least number of steps of an annealing."""
+        return FEW_STEPS if self.few else LEAST
+
+    @property
     def ended(self) -> bool:
         """Whether the search has ended."""
         if self.request.control.stopped or self.request.left() == 0.0 or self.within_gap:
             return True
-        return self.idle >= int(self.request.options["patience"])
+        return self.idle * (2 if self.few else 1) >= int(self.request.options["patience"])
 
     @property
     def within_gap(self) -> bool:
@@ -225,10 +248,8 @@ class _Search(Starts):
 
     def prove_few(self) -> None:
         """Raise the bound of a tour over few vehicles, also for short legs."""
-        from .pose_bound import covers, prove_poses
-
         problem, gap = self.problem, self.request.gap
-        if problem.size > FEW or self.best is None or self.within_gap or not covers(problem):
+        if not self.few or self.best is None or self.within_gap:
             return
         edges = EDGES * (MORE_EDGES if gap >= WIDE_GAP else 1)
         bound = prove_poses(

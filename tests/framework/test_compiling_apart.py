@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from commands import run
 
-from crosstrack import compilation, jit
+from crosstrack import compilation, interpretation, jit
 
 #: A module with a kernel, and a process that calls it.
 MODULE = """
@@ -161,7 +161,7 @@ def test_a_loop_that_nothing_ends_early_is_not_begun_if_the_last_one_exceeds_the
     """The last of five searches of neighbours was interpreted for a second, with its code compiled meanwhile."""
     monkeypatch.setattr(jit, "_left", 0.5)
     monkeypatch.setattr(jit, "_ahead", 0.75)
-    monkeypatch.setattr(increased, "_start_compiling", lambda _: threading.Event())
+    monkeypatch.setattr(jit, "start_compiling", lambda *_: threading.Event())
     increased._last = seconds
     assert increased(1) == 2
     assert increased._ready == compiled
@@ -332,9 +332,9 @@ def test_a_kernel_that_works_in_place_starts_again_from_its_arguments(monkeypatc
 
 def test_a_restart_keeps_the_stop_flag_and_restores_the_rest():
     flag, values, draws = np.zeros(1, np.int8), np.arange(3.0), np.random.default_rng(1)
-    former = compilation.copies_of((flag, (values, 2.0), draws))
+    former = interpretation.copies_of((flag, (values, 2.0), draws))
     flag[0], values[:], first = 1, 0.0, draws.random()
-    compilation.restore(former)
+    interpretation.restore(former)
     assert flag[0] == 1 and values.tolist() == [0.0, 1.0, 2.0] and draws.random() == first
 
 

@@ -20,6 +20,7 @@ MAY_LOAD = {
     "cli": {"click"},
     "errors": set(),
     "compilation": {"numba"},
+    "interpretation": set(),
     "jit": {"numba"},
     "lazy": set(),
     "timing": set(),

@@ -377,6 +377,7 @@ def test_trajectories_are_the_same_interpreted_and_compiled(order, segments, axe
         factorise = sys.modules["crosstrack.solvers.minimum_snap.banded"].factorise
         solve = sys.modules["crosstrack.solvers.minimum_snap.banded"].solve_factors
         for one in (factorise, solve):  # never interpreted: they work in place
+            patch.setattr(one, "_interpreted", one.dispatcher)
             patch.setattr(one, "py_func", one.dispatcher)
         first = interpreted(backend, model)
     assert first.termination is second.termination
@@ -393,10 +394,10 @@ def test_no_kernel_that_may_start_again_updates_what_it_is_given():
 
     space = airspace(ct.load("error-correction/7"))
     before = [np.array(part, copy=True) for part in space]
-    jit._here.deadline = time.thread_time() + 2e-3
+    jit._here.deadline, jit._here.look = time.thread_time() + 2e-3, 0.0
     try:
         with pytest.raises(jit._BudgetUsedUp):
-            climb(space, math.inf, np.zeros(1, np.int8))
+            climb.py_func(space, math.inf, np.zeros(1, np.int8))
     finally:
         jit._here.deadline = 0.0
     assert all(np.array_equal(*pair) for pair in zip(before, space, strict=True))
@@ -521,3 +522,60 @@ def test_the_sample_of_a_request_has_the_compiled_type(value):
     numba = pytest.importorskip("numba", reason="types of compiled code need Numba")
     sample = compilation._sample(compilation._describe(value))
     assert numba.typeof(sample) == numba.typeof(value)
+
+
+@kernel
+def raised(value):
+    return halved(value) + 1.0
+
+
+@kernel
+def added(values, counts):
+    result = 0.0
+    for value in values:
+        counts[0] += 1
+        result += raised(value)
+    return result
+
+
+@kernel(interpretable=True)
+def summed(values, counts):
+    result = 0.0
+    for k in range(len(values)):
+        result += added(values[k : k + 1], counts)
+    return result
+
+
+def test_interpreted_kernels_call_kernels_without_loops_as_functions(budget, monkeypatch):
+    called = []
+    original = jit.Kernel.__call__
+
+    def call(self, *arguments):
+        called.append(self.py_func.__name__)
+        return original(self, *arguments)
+
+    budget(math.inf)
+    monkeypatch.setattr(jit.Kernel, "__call__", call)
+    values = np.arange(4.0)
+    assert summed(values, np.zeros(1)) == (values / 2 + 1.0).sum()
+    assert called == ["summed", *4 * ["added"]]
+
+
+def test_a_kernel_in_no_cache_is_requested_after_half_of_its_further_budget(budget, monkeypatch):
+    requests = []
+
+    def start(*arguments):
+        requests.append(jit._here.stage)
+        return threading.Event()
+
+    budget(1e-3)
+    monkeypatch.setattr(jit, "AHEAD", 2e-3)
+    monkeypatch.setattr(jit, "_ahead", 2e-3)
+    monkeypatch.setattr(summed, "_is_new", True)
+    monkeypatch.setattr(summed, "_ready", False)
+    monkeypatch.setattr(jit, "start_compiling", start)
+    counts = np.zeros(1)
+    summed(np.arange(30_000.0), counts)
+    assert requests == [1]
+    assert summed._ready
+    assert counts[0] > 30_000  # it started again
