@@ -226,14 +226,8 @@ def _rates(
 
 @kernel
 def _advance(
-    kind: int,
-    constants: Floats,
-    state: Floats,
-    tangent: Floats,
-    step: float,
-    inner: int,
-    work: Floats,
-) -> None:
+    kind: int, constants: Floats, state: Floats, tangent: Floats, step: float, inner: int, work: Floats
+) -> None:  # fmt: skip
     """Move a state and a tangent vector by some steps; `work`, shape (6, n), is overwritten."""
     count = len(state)
     for _ in range(inner):
@@ -264,14 +258,8 @@ def _advance(
 
 @kernel(interpretable=True)
 def _orbit(
-    kind: int,
-    constants: Floats,
-    start: Floats,
-    step: float,
-    inner: int,
-    skipped: int,
-    states: Floats,
-) -> None:
+    kind: int, constants: Floats, start: Floats, step: float, inner: int, skipped: int, states: Floats
+) -> None:  # fmt: skip
     """Fill in the states after `skipped` periods, and one period each thereafter."""
     count = len(start)
     state = start.copy()

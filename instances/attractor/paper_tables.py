@@ -34,20 +34,8 @@ class _Figure(NamedTuple):
     truth: float | None = None
 
 
-def _exponent(plan: AttractorEstimate) -> float | None:
-    return None if plan.exponent is None else plan.exponent.value
-
-
 def _dimension(plan: AttractorEstimate) -> float | None:
     return None if plan.correlation is None else plan.correlation.value
-
-
-def _smallest(plan: AttractorEstimate) -> float | None:
-    return None if plan.variables is None else plan.variables[0]
-
-
-def _largest(plan: AttractorEstimate) -> float | None:
-    return None if plan.variables is None else plan.variables[1]
 
 
 _TRUE = HUNT_EXPONENTS["hunt"]
@@ -55,13 +43,19 @@ _LINE = {"delay": DELAY, "fit": "line"}
 _FIGURES = {
     "delay, samples": _Figure("improved-c-c", {}, lambda plan: plan.delay, "mutual-information"),
     "embedding dimension": _Figure("improved-c-c", {}, lambda plan: plan.dimension, "cao"),
-    "largest exponent": _Figure("small-data-sets", _PAPERS, _exponent, "rosenstein", _TRUE),
+    "largest exponent": _Figure(
+        "small-data-sets", _PAPERS, lambda plan: plan.largest_exponent, "rosenstein", _TRUE
+    ),
     "correlation dimension": _Figure("g-p", _LINE, _dimension, "correlation-dimension"),
     "forecast period, s": _Figure(
         "small-data-sets", _PAPERS, lambda plan: plan.horizon, "rosenstein", 1.0 / _TRUE
     ),
-    "smallest number of variables": _Figure("g-p", _LINE, _smallest, "correlation-dimension"),
-    "largest number of variables": _Figure("g-p", _LINE, _largest, "correlation-dimension"),
+    "smallest number of variables": _Figure(
+        "g-p", _LINE, lambda plan: plan.variables and plan.variables[0], "correlation-dimension"
+    ),
+    "largest number of variables": _Figure(
+        "g-p", _LINE, lambda plan: plan.variables and plan.variables[1], "correlation-dimension"
+    ),
 }
 
 
@@ -118,7 +112,7 @@ def systems(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     return {
         "samples": len(model.series),
         "exponent, known": known.exponent,
-        **{backend: _exponent(run(backend).plan) or "none" for backend in ("small-data-sets", "rosenstein", "kantz")},
+        **{backend: run(backend).plan.largest_exponent or "none" for backend in ("small-data-sets", "rosenstein", "kantz")},
         "dimension, known": known.dimension,
         **{backend: _dimension(run(backend).plan) or "none" for backend in ("g-p", "correlation-dimension")},
         "period, samples": period and period / known.period,

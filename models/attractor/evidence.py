@@ -15,12 +15,14 @@ __all__ = ["evidence_gap"]
 Floats = NDArray[np.float64]
 
 #: Samples per mean period, smallest and largest number of samples, and frequencies of the 0-1 test.
-PER_PERIOD, FEWEST, MOST, FREQUENCIES = 8, 100, 1500, 48
+PER_PERIOD, FEWEST, MOST, FREQUENCIES = 6, 100, 1500, 48
 #: Orders of linear models, samples per coefficient and of predictions.
 ORDERS, PER_COEFFICIENT, LEADING = (2, 5, 10, 20, 40), 20, 10_000
 #: Nearest states of a prediction, number of predicted states, dimension above which fewer are predicted, their number,
 #: and golden ratio.
 NEAREST, ASKED, HIGH, ASKED_HIGH, GOLDEN = 5, 2000, 5, 500, (5**0.5 - 1) / 2
+#: Nearest states per coefficient of a linear map, its penalty, and largest dimension of maps.
+MAP_NEAREST, PENALTY, MAPPED = 2, 1e-6, 20
 #: Pairs and times of mean logarithms, and smallest relative distance.
 PAIRS, TIMES, NOTHING = 20_000, 50, 1e-9
 #: Allowance for rounding of errors and correlations; for means over samples of states: nats and standard errors.
@@ -90,8 +92,11 @@ def linear_error(x: Floats, ahead: int) -> float:
 
 
 def nearest_error(x: Floats, plan: AttractorEstimate, ahead: int) -> float:
-    """Return the error of predictions by five nearest states, 1 without any, for one state of equal stretches."""
-    last, squares = len(x) - plan.window - ahead, []
+    """Return the smaller error of predictions by the mean of five nearest states and by a linear map of more of them.
+
+    It is 1 without any. One state of equal stretches is predicted.
+    """
+    last, rank = len(x) - plan.window - ahead, MAP_NEAREST * (plan.dimension + 1)
     if last < NEAREST or not np.ptp(x) > 0:
         return 1.0
     # One row per coordinate: the maximum over a short last axis takes several times as long.
@@ -102,15 +107,38 @@ def nearest_error(x: Floats, plan: AttractorEstimate, ahead: int) -> float:
     # The position within a stretch follows multiples of the golden ratio; all states if they are few.
     k = np.arange(count)
     shift = k * GOLDEN % 1.0 if count < last else 0.0
+    means, maps = list[float](), list[float]()
     for i in np.floor((k + shift) * (last / count)).astype(int).tolist():
         apart = np.abs(states - states[:, i : i + 1]).max(axis=0)
         apart[max(i - theiler, 0) : i + theiler + 1] = np.inf
-        least = np.partition(apart, NEAREST - 1)[NEAREST - 1]
-        if np.isfinite(least):
-            near = np.flatnonzero(apart <= least)  # of equally near states the earlier ones
-            near = near[np.argsort(apart[near], kind="stable")[:NEAREST]]
-            squares.append((futures[i] - futures[near].mean()) ** 2)
-    return float(np.sqrt(np.mean(squares) / x.var())) if squares else 1.0
+        near = nearest_of(apart, NEAREST)
+        if len(near):
+            means.append((futures[i] - futures[near].mean()) ** 2)
+        near = nearest_of(apart, rank) if plan.dimension <= MAPPED else near[:0]
+        if len(near):
+            maps.append((futures[i] - mapped(states[:, near].T, futures[near], states[:, i])) ** 2)
+    best = min((float(np.mean(squares)) for squares in (means, maps) if squares), default=x.var())
+    return float(np.sqrt(best / x.var()))
+
+
+def nearest_of(apart: Floats, count: int) -> NDArray[np.int64]:
+    """Return the `count` states with the smallest finite distances, the earlier of equal ones, or none if they are fewer."""
+    if count > len(apart) or not np.isfinite(least := np.partition(apart, count - 1)[count - 1]):
+        return np.zeros(0, np.int64)
+    near = np.flatnonzero(apart <= least)
+    return near[np.argsort(apart[near], kind="stable")[:count]]
+
+
+def mapped(states: Floats, futures: Floats, state: Floats) -> float:
+    """Return the future of a state by a regression over others, whose penalty are further equations."""
+    past = states - states.mean(axis=0)
+    size = max(
+        float(np.sqrt(PENALTY * (past**2).sum() / len(state))), float(np.finfo(float).tiny) ** 0.5
+    )
+    rows = np.vstack([past, size * np.eye(len(state))])
+    later = np.concatenate([futures - futures.mean(), np.zeros(len(state))])
+    slopes = np.linalg.lstsq(rows, later)[0]
+    return float(futures.mean() + slopes @ (state - states.mean(axis=0)))
 
 
 def partings_gaps(x: Floats, plan: AttractorEstimate, found: Evidence, seed: int) -> list[float]:

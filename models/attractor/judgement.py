@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -21,13 +22,18 @@ EXACT, LINES = 1e-8, 0.01
 DETERMINED = 0.75
 #: Ratio of errors above which the prediction is unclear. Deviations by which the exponent of a chaotic series exceeds 0:
 #: then, of maps or flows with few samples per period, and of other flows. Noise that drives a nonlinear system without
-#: chaos has ratios from 0.46, or a map with an exponent above 0 by at most 2.6 deviations.
-UNCLEAR, DEVIATIONS, MAP_DEVIATIONS, FLOW_DEVIATIONS = 0.45, 4.0, 3.0, 2.0
+#: chaos has ratios from 0.44, or a map with an exponent above 0 by at most 2.6 deviations.
+UNCLEAR, DEVIATIONS, MAP_DEVIATIONS, FLOW_DEVIATIONS = 0.4, 4.0, 3.0, 2.0
+#: Ratio of errors up to which the motion explains nine tenths of the variance that a linear model leaves.
+EXPLAINED = math.sqrt(0.1)
 #: Smallest correlation of the 0-1 test for chaos.
 IRREGULAR = 0.2
 #: Smallest separation of neighbours over a chaotic series in nats: of flows, and of maps or flows with few samples per
 #: period. A strange map without chaos shows up to 56 (1,000 samples).
 NATS, MAP_NATS = 15.0, 80.0
+#: Uncertainty of an exponent in nats over the whole series: neighbours that separate slowly, as on the strange
+#: attractor without chaos of Grebogi, Ott, Pelikan and Yorke, show a slope of 10 to 40 nats per series.
+PARTINGS = 12.0
 
 
 class Judgement(StrEnum):
@@ -52,8 +58,8 @@ class Evidence(Declared):
     ahead : int
         Samples ahead of both predictions, >= 1.
     linear, nonlinear : float
-        Root mean square errors of predicting by the best autoregressive model and by the nearest five states,
-        in standard deviations of the series.
+        Root mean square errors of predicting by the best autoregressive model and by the nearest states, in standard
+        deviations of the series. The latter is the smaller one of their mean and of a linear map of them.
     near, far : float
         Mean logarithm of the distance of random states over that of nearest neighbours, at first and later than a
         sixth of the series, in nats.
@@ -93,6 +99,27 @@ class Evidence(Declared):
         if self.nonlinear > UNCLEAR * self.linear:
             return DEVIATIONS
         return FLOW_DEVIATIONS if self.step > 1 else MAP_DEVIATIONS
+
+    def doubts(self, exponent: float, deviation: float, duration: float) -> str:
+        """Return the reason why an exponent does not show chaos in a series of so many seconds, or an empty text.
+
+        Its deviation includes :data:`PARTINGS`. The separation of neighbours has a limit for the same effect, so this
+        part is removed from the deviation if no noise can cause it.
+        """
+        nats, whole = exponent * duration, deviation * duration
+        if self.nonlinear <= EXPLAINED * self.linear:
+            whole = math.sqrt(max((whole - PARTINGS) * (whole + PARTINGS), 0.0))
+        if nats <= self.deviations * whole:
+            return (
+                f"the exponent {exponent:.4g} ± {whole / duration:.2g} must exceed 0 by "
+                f"{self.deviations:g} deviations"
+            )
+        if nats < self.needed:
+            return (
+                f"neighbours part by {nats:.3g} nats over its length: "
+                f"{self.needed:g} are needed to call it chaotic"
+            )
+        return ""
 
     @property
     def refutes(self) -> str:

@@ -331,11 +331,11 @@ def _judgement_check(plan: AttractorEstimate, duration: float, tolerance: float)
     elif result.judgement is not Judgement.NOISE:
         over = max(result.p_value - 0.05, 0.0)
     if result.judgement is Judgement.CHAOTIC:
-        slope, least = plan.exponent, 0.0 if evidence is None else evidence.deviations
-        sure = slope is not None and slope.value > least * slope.deviation
+        slope = plan.exponent
+        sure = slope is not None and slope.value > 0.0
         if evidence is not None and slope is not None:
-            sure = sure and slope.value * duration >= evidence.needed
-            sure = sure and not (evidence.stays or evidence.refutes)
+            doubts = evidence.doubts(slope.value, slope.deviation, duration)
+            sure = sure and not (evidence.stays or evidence.refutes or doubts)
         over = over if sure else 1.0
     return Check.scaled(
         "judgement follows from the ranks",

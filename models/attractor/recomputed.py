@@ -161,13 +161,11 @@ def _memory(values: Floats) -> dict[str, float]:
         slopes, offsets = np.polyfit(np.arange(size), parts, 1)
         spread = (parts - np.arange(size)[:, None] * slopes - offsets).std()
         spreads.append(np.log(spread) if spread > CONSTANT * np.ptp(profile) else np.nan)
-    x = np.log(sizes)
-    return {
-        "hurst": float(np.polyfit(x, ranges, 1)[0]) + 0.5 if np.isfinite(ranges).all() else np.nan,
-        "fluctuation": float(np.polyfit(x, spreads, 1)[0])
-        if np.isfinite(spreads).all()
-        else np.nan,
-    }
+    slopes = [
+        float(np.polyfit(np.log(sizes), logs, 1)[0]) if np.isfinite(logs).all() else np.nan
+        for logs in (ranges, spreads)
+    ]
+    return {"hurst": slopes[0] + 0.5, "fluctuation": slopes[1]}
 
 
 def _permutation_entropy(series: Floats, order: int) -> float:

@@ -21,18 +21,20 @@ from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import Method, Slope
 from ..contract.backend import Request
 from ..contract.option import Option
-from .exponents import Fit
+from .exponents import REFERENCE_STATES, Fit
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, Poll, embed, poll_of
 from .neighbour_kernels import count_pairs, order_states
-from .partings import BLOCKS, FEW, MOST
+from .partings import BLOCKS, MOST
 from .regions import (
+    DIMENSION_ERROR,
     REFERENCES,
+    UNCONFIRMED_DIMENSION,
     Stretches,
     describe_variants,
     steady_stretches,
     variants,
     whole_slope,
-    widened_dimension,
+    widened,
 )
 
 __all__ = ["CorrelationDimension", "Counts", "correlation_counts", "fit_dimension"]
@@ -214,7 +216,7 @@ def other_dimensions(problem: AttractorAnalysis, embedding: Embedding, poll: Pol
         counts = correlation_counts(states, radii, other.theiler, references=REFERENCES, poll=poll)
         stretches = plateau(counts, False, False)[1]
         if stretches is not None and stretches.best is not None:
-            values.append(float(stretches.slopes[stretches.scores.argmax()]))
+            values.append(stretches.best_slope)
     return values
 
 
@@ -257,9 +259,7 @@ class CorrelationDimension(AttractorBackend):
             "radius at which the region ends, in the unit of the series; by default from the curve",
             lower=1e-300,
         ),
-        "references": Option(
-            MOST, "largest number of reference states; up to 1500 states all are", int, lower=FEW
-        ),
+        "references": REFERENCE_STATES,
     }
 
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
@@ -294,6 +294,9 @@ class CorrelationDimension(AttractorBackend):
                     slope, message = None, NONE.format(grows)
         if slope is not None and is_automatic:
             others = other_dimensions(problem, embedding, poll)
-            slope = widened_dimension(slope, statistics["spread over regions"], others)
+            slope = widened(
+                slope, statistics["spread over regions"], others,
+                relative=DIMENSION_ERROR, unconfirmed=UNCONFIRMED_DIMENSION,
+            )  # fmt: skip
             statistics.update(describe_variants(slope, others))
         return Finding(embedding.plan(correlation=slope), statistics, message)

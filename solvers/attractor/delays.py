@@ -23,7 +23,7 @@ from ...models.attractor.model import LEAST, AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate
 from ..contract.backend import Request
 from ..contract.option import Option
-from .embedding import decorrelation, longest, minimum_of_information
+from .embedding import decorrelation, first_minimum, longest
 from .native import EMBEDDING, AttractorBackend, Finding, Poll, embed, poll_of, theiler_window
 
 __all__ = [
@@ -183,7 +183,7 @@ class MutualInformation(DelayBackend):
 
     def delay(self, series: Floats, options: Mapping[str, Any]) -> tuple[int, str]:
         """Return the first minimum, or the first zero of the autocorrelation if it is reached before."""
-        delay, minimum = minimum_of_information(series)
+        delay, minimum = first_minimum(series)
         none = "the mutual information has no minimum before the first zero of the autocorrelation"
         return delay, "" if minimum else none
 
@@ -248,16 +248,12 @@ class CorrelationIntegral(AttractorBackend):
 
     def _chosen(self, series: Floats, request: Request) -> tuple[int, int, list[str]]:
         """Return delay and window in samples, and messages about both."""
-        result = curves(
-            series / np.abs(series).max(),
-            longest_delay(len(series), request.options["lags"]),
-            poll=poll_of(request),
-        )
-        delay, message = (
-            first_zero_crossing(result.mean)
-            if request.options["criterion"] == "zero"
-            else first_local_minimum(result.spread)
-        )
+        most = longest_delay(len(series), request.options["lags"])
+        result = curves(series / np.abs(series).max(), most, poll=poll_of(request))
+        if request.options["criterion"] == "zero":
+            delay, message = first_zero_crossing(result.mean)
+        else:
+            delay, message = first_local_minimum(result.spread)
         window, other = self.window(result, delay)
         return delay, window, [text for text in (message, other) if text]
 

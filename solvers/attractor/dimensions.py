@@ -93,14 +93,9 @@ class FalseNeighbours(DimensionBackend):
         """Return the first dimension with few enough false neighbours."""
         theiler = options["theiler"]
         shares = false_shares(series, delay, most, delay if theiler is None else theiler)
-        acceptable = np.flatnonzero(shares <= options["share"])
-        dimension = (
-            int(acceptable[0] if acceptable.size else np.nan_to_num(shares, nan=1.0).argmin()) + 1
-        )
-        figures = {"false neighbours": float(np.nan_to_num(shares[dimension - 1], nan=1.0))}
-        remark = (
-            ""
-            if acceptable.size
-            else "no dimension has so few false neighbours, the least is taken"
-        )
-        return dimension, figures, remark
+        acceptable, known = shares <= options["share"], np.nan_to_num(shares, nan=1.0)
+        place, remark = int(acceptable.argmax()), ""
+        if not acceptable.any():
+            place = int(known.argmin())
+            remark = "no dimension has so few false neighbours, the least is taken"
+        return place + 1, {"false neighbours": float(known[place])}, remark

@@ -26,7 +26,6 @@ __all__ = [
     "largest_dimension",
     "longest",
     "mean_period",
-    "minimum_of_information",
     "mutual_information",
     "nearest",
     "saturated",
@@ -138,18 +137,13 @@ def lags_up_to(most: int) -> Ints:
     return np.unique(np.concatenate([np.arange(1, _EACH), longer]))
 
 
-def first_minimum(series: Floats) -> int:
-    """Return the first minimum of the mutual information, at most the first zero of the autocorrelation.
+def first_minimum(series: Floats) -> tuple[int, bool]:
+    """Return the first minimum of the mutual information, and whether it is below the first zero of the autocorrelation.
 
     A minimum must be followed by a significant rise, and be less than half of the entropy of a value,
     because the curve of a periodic series follows its bins. The information of maps and of noise decreases
     without a minimum; then the first zero is returned.
     """
-    return minimum_of_information(series)[0]
-
-
-def minimum_of_information(series: Floats) -> tuple[int, bool]:
-    """Return :func:`first_minimum`, and whether it is a minimum of the mutual information."""
     most = first_zero(series)
     # A little further, to detect the rise.
     lags = lags_up_to(min(most + max(most // 4, 2), longest(len(series))))

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData
+from ...models.attractor.judgement import PARTINGS
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import Method, Slope
 from ..contract.backend import Request
@@ -25,13 +26,18 @@ from .native import EMBEDDING, AttractorBackend, Embedding, Finding, Poll, embed
 from .partings import FEW, MOST, Curve, kantz_curve, kantz_radius, rosenstein_curve
 from .prediction import ROBUST, choose_embeddings, noise_level
 from .regions import (
+    FLOW_ERROR,
+    MAP_ERROR,
+    NOISE_ERROR,
+    RADIUS,
     REFERENCES,
     TURN,
+    UNCONFIRMED_EXPONENT,
     Stretches,
     describe_variants,
     steady_stretches,
     variants,
-    widened_exponent,
+    widened,
 )
 
 __all__ = ["Fit", "Kantz", "Rosenstein", "Search", "fit_exponent", "mean_level", "scaling_region"]
@@ -50,6 +56,10 @@ LEAST, CHANGE = 5, 0.25
 WIDE, WIDEST = (1.0, 0.7, 3, 0.5), (1.0, 0.7, 3, 0.7)
 #: Random pairs of states for the mean logarithm of all distances.
 PAIRS = 4000
+#: Option of the methods that follow or count neighbours.
+REFERENCE_STATES = Option(
+    MOST, "largest number of reference states; up to 1500 states all are", int, lower=FEW
+)
 
 
 @dataclass(frozen=True)
@@ -181,6 +191,12 @@ class Search:
                 return result
         return "there is no scaling region, neighbours do not part at a steady rate"
 
+    def steadiest(self) -> float:
+        """Return the slope of the best region per step, NaN without one."""
+        ready = self.with_radius()
+        result = "no radius" if ready is None else ready.region(REFERENCES)
+        return math.nan if isinstance(result, str) else result[1].best_slope
+
 
 def fit_exponent(search: Search, period: float) -> Fit:
     """Return the largest Lyapunov exponent of the motion among states.
@@ -229,12 +245,7 @@ def agreed(searches: list[Search]) -> Search:
 
     It is the first one within a robust deviation or 5 % of the median.
     """
-    slopes = []
-    for search in searches:
-        ready = search.with_radius()
-        result = "no radius" if ready is None else ready.region(REFERENCES)
-        slope = math.nan if isinstance(result, str) else result[1].slopes[result[1].scores.argmax()]
-        slopes.append(float(slope))
+    slopes = [search.steadiest() for search in searches]
     known = [slope for slope in slopes if math.isfinite(slope)]
     if len(searches) == 1 or not known:
         return searches[0]
@@ -261,21 +272,20 @@ def widen_exponent(
             searches.append(replace(search, radius=search.radius / 2))
     values, change = [], 0.0
     for candidate in searches:
-        ready = candidate.with_radius()
-        result = "no radius" if ready is None else ready.region(REFERENCES)
-        if isinstance(result, str):
-            continue
-        stretches = result[1]
-        value = float(stretches.slopes[stretches.scores.argmax()]) / problem.period
+        value = candidate.steadiest() / problem.period
         if candidate.radius is None:
-            values.append(value)
-        else:
+            values += [value] * math.isfinite(value)
+        elif math.isfinite(value):
             # The exponent is the limit of small distances. Without chaos the slope falls with the radius.
             change = value - fit.slope.value
-    region = float(fit.statistics["spread over regions"])
-    turn, duration = mean_turn(problem.series), len(problem.series) * problem.period
+    duration = len(problem.series) * problem.period
     noise = noise_level(search.states, search.embedding.theiler)
-    slope = widened_exponent(fit.slope, region, values, turn, duration, change, noise)
+    is_flow = mean_turn(problem.series) >= TURN and fit.slope.radius is None
+    slope = widened(
+        fit.slope, fit.statistics["spread over regions"], values,
+        relative=math.hypot(FLOW_ERROR if is_flow else MAP_ERROR, NOISE_ERROR * math.sqrt(noise)),
+        unconfirmed=UNCONFIRMED_EXPONENT, absolute=math.hypot(PARTINGS / duration, RADIUS * change),
+    )  # fmt: skip
     statistics = {**fit.statistics, **describe_variants(slope, values), "relative noise": noise}
     return replace(fit, slope=slope, statistics=statistics)
 
@@ -297,9 +307,7 @@ class Rosenstein(AttractorBackend):
         "high": Option(
             None, "steps ahead at which the region ends; by default from the curve", int, lower=1
         ),
-        "references": Option(
-            MOST, "largest number of reference states; up to 1500 states all are", int, lower=FEW
-        ),
+        "references": REFERENCE_STATES,
     }
 
     #: Whether wider limits of a region apply: only for series that are not linear noise.

@@ -93,12 +93,9 @@ class FullAnalysis(AttractorBackend):
             embeddings, ahead = choose_embeddings(problem, chosen, poll, first)
         embedding, duration = embeddings[0], len(problem.series) * problem.period
         test = ranking = None
-        try:
+        with suppress(RunStopped):
             poll()
             ranking = ranks(problem.series, embedding, options, seed, poll, ahead)
-        except RunStopped:
-            remarks.append("no judgement: the run was stopped before")
-        else:
             figures.update(statistics(ranking))
         wide = ranking is not None and ranking.rejected
         result = part(_EXPONENTS[options["exponent_method"]](wide, embeddings), "exponent", chosen)
@@ -107,13 +104,12 @@ class FullAnalysis(AttractorBackend):
             embedding = Embedding(result.delay, result.dimension, result.theiler)
         result = part(CorrelationDimension(), "correlation dimension", asdict(embedding))
         correlation = None if result is None else result.correlation
-        if ranking is not None:
-            try:
+        with suppress(RunStopped):
+            if ranking is not None:
                 evidence = gather(problem, embedding, ahead, poll)
-            except RunStopped:
-                remarks.append("no judgement: the run was stopped before")
-            else:
                 test, why = judge(ranking, evidence, exponent, duration)
                 remarks.append(why)
+        if test is None:
+            remarks.append("no judgement: the run was stopped before")
         plan = embedding.plan(exponent=exponent, correlation=correlation, surrogates=test)
         return Finding(plan, figures, "; ".join(filter(None, remarks)))

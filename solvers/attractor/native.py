@@ -16,6 +16,7 @@ from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import AttractorEstimate
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 from ..contract.option import Option
+from .embedding import cao_dimension, first_minimum, first_zero, mean_period
 
 __all__ = [
     "EMBEDDING", "AttractorBackend", "Embedding", "Finding", "Poll", "RunStopped", "embed", "poll_of",
@@ -106,12 +107,10 @@ def embed(problem: AttractorAnalysis, options: Mapping[str, Any]) -> Embedding:
     Theiler window is the larger of the span of a state and the first zero of the autocorrelation. Raise InvalidData
     if the series is too short.
     """
-    from .embedding import cao_dimension, first_minimum, mean_period
-
     series = problem.series
     delay = options.get("delay")
     if not delay:
-        delay = max(min(first_minimum(series), round(mean_period(series) / 4.0)), 1)
+        delay = max(min(first_minimum(series)[0], round(mean_period(series) / 4.0)), 1)
     width = len(problem.coordinates)
     dimension = options.get("dimension") or -(-cao_dimension(series, delay) // width)
     theiler = options.get("theiler")
@@ -123,8 +122,6 @@ def embed(problem: AttractorAnalysis, options: Mapping[str, Any]) -> Embedding:
 
 def theiler_window(series: Floats, delay: int, dimension: int) -> int:
     """Return the span of a state or the first zero of the autocorrelation, whichever is larger, in samples."""
-    from .embedding import first_zero
-
     return min(max((dimension - 1) * delay, first_zero(series)), len(series) // 10)
 
 

@@ -96,12 +96,8 @@ class GrassbergerProcaccia(AttractorBackend):
         figures: dict[str, Any] = {}
         best, dimension, message = None, 2, ""
         for m in range(2, most + 1):
-            slope = slope_of(
-                problem.states(delay, m),
-                problem.deviation,
-                Method(options["fit"]),
-                poll_of(request),
-            )
+            states = problem.states(delay, m)
+            slope = slope_of(states, problem.deviation, Method(options["fit"]), poll_of(request))
             if isinstance(slope, str):
                 message = f"no slope from dimension {m} on: {slope}"
                 break

@@ -14,9 +14,10 @@ from .embedding import standardised, thin_out
 from .native import Embedding, Poll, embed, theiler_window
 from .neighbour_kernels import nearest_states, order_states
 
-__all__ = ["choose_embeddings", "noise_level", "prediction_error"]
+__all__ = ["choose_embeddings", "linear_map_error", "noise_level", "prediction_error"]
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 #: Number of predicted states, dimension above which fewer are predicted to save time, and their number. All states
 #: of the compared samples are possible neighbours.
@@ -25,6 +26,8 @@ ASKED, HIGH, ASKED_HIGH = 2000, 5, 500
 DIVISORS, DIMENSIONS, SAMPLES, NEIGHBOURS = (1, 2, 8), (2, 3, 4, 6, 8), 10_000, 5
 #: Largest number of embeddings, and largest ratio of the prediction error to the smallest one.
 EMBEDDINGS, WORSE = 8, 1.5
+#: Neighbours per coefficient of a linear map, its penalty relative to the mean square of a coordinate, and largest dimension.
+PER_COEFFICIENT, PENALTY, MAPPED = 2, 1e-6, 20
 #: Nearest states for the estimate of the noise, and ratio of the deviation of normal values to the median of their sizes.
 NEAREST, ROBUST = 10, 1.4826
 
@@ -38,21 +41,52 @@ def prediction_error(
     predicted, otherwise a sample of them. A state has `count` neighbours by the largest difference of a coordinate,
     more than `theiler` samples away. NaN if no state has enough.
     """
-    ahead = delay if ahead is None else ahead
-    last = len(values) - (dimension - 1) * delay - ahead
-    if last < 1:
+    rows, which, _, futures = _neighbourhoods(values, delay, dimension, theiler, count, ahead)
+    if not len(rows):
         return math.nan
+    errors = futures[rows] - futures[which].mean(axis=1)
+    return float((errors**2).mean())
+
+
+def linear_map_error(values: Floats, delay: int, dimension: int, theiler: int, ahead: int) -> float:
+    """Return the mean square error of predictions by linear maps of the neighbourhoods.
+
+    A map is a regression over two neighbours per coefficient (J. D. Farmer and J. J. Sidorowich, Physical Review Letters
+    59, 1987). Its small penalty keeps it unique for states on a line or a surface. The arguments are those of
+    :func:`prediction_error`. NaN above :data:`MAPPED` dimensions, too.
+    """
+    count = PER_COEFFICIENT * (dimension + 1)
+    if dimension > MAPPED:
+        return math.nan
+    rows, which, states, futures = _neighbourhoods(values, delay, dimension, theiler, count, ahead)
+    if not len(rows):
+        return math.nan
+    past, later = states[which], futures[which]
+    middle, mean = past.mean(axis=1), later.mean(axis=1)
+    past -= middle[:, None]
+    turned = past.transpose(0, 2, 1)
+    squares = turned @ past
+    penalty = PENALTY * np.trace(squares, axis1=1, axis2=2) / dimension
+    squares += np.maximum(penalty, np.finfo(float).tiny)[:, None, None] * np.eye(dimension)
+    maps = np.linalg.solve(squares, turned @ (later - mean[:, None])[:, :, None])[:, :, 0]
+    errors = futures[rows] - mean - (maps * (states[rows] - middle)).sum(axis=1)
+    return float((errors**2).mean())
+
+
+def _neighbourhoods(
+    values: Floats, delay: int, dimension: int, theiler: int, count: int, ahead: int | None
+) -> tuple[Ints, Ints, Floats, Floats]:
+    """Return the predicted states with enough neighbours, the neighbours, all states, and their futures."""
+    ahead = delay if ahead is None else ahead
+    last = max(len(values) - (dimension - 1) * delay - ahead, 0)
     # The last coordinates diverge first, so the search is along the last one.
     columns = [values[k * delay : k * delay + last] for k in range(dimension - 1, -1, -1)]
-    states, times, places = order_states(np.stack(columns, axis=1))
+    states = np.stack(columns, axis=1)
+    ordered, times, places = order_states(states)
     rows = thin_out(last, ASKED if dimension <= HIGH or len(values) <= ASKED else ASKED_HIGH)
-    which, _, _ = nearest_states(states, times, places[rows], theiler, count, True)
+    which, _, _ = nearest_states(ordered, times, places[rows], theiler, count, True)
     complete = which[:, -1] >= 0
-    if not complete.any():
-        return math.nan
-    futures = values[(dimension - 1) * delay + ahead :]
-    errors = futures[rows[complete]] - futures[which[complete]].mean(axis=1)
-    return float((errors**2).mean())
+    return rows[complete], which[complete], states, values[(dimension - 1) * delay + ahead :]
 
 
 def noise_level(states: Floats, theiler: int) -> float:

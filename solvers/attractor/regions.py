@@ -35,8 +35,6 @@ __all__ = [
     "variants",
     "whole_slope",
     "widened",
-    "widened_dimension",
-    "widened_exponent",
 ]
 
 Floats = NDArray[np.float64]
@@ -95,12 +93,17 @@ class Stretches:
         return int(self.begin[k]), int(self.end[k])
 
     @property
+    def best_slope(self) -> float:
+        """Slope of the stretch with the highest score."""
+        return float(self.slopes[self.scores.argmax()])
+
+    @property
     def spread(self) -> float:
         """Root mean square difference of the slopes from that of the best stretch, weighted by the scores."""
         weights = self.scores.clip(0.0)
         if not weights.sum() > 0:
             return 0.0
-        apart = self.slopes - self.slopes[self.scores.argmax()]
+        apart = self.slopes - self.best_slope
         return math.sqrt(float((weights * apart**2).sum() / weights.sum()))
 
 
@@ -154,9 +157,6 @@ NOISE_ERROR = 1.5
 TURN = 6
 #: Relative error that is added if no other embedding has a slope: of an exponent, of a dimension.
 UNCONFIRMED_EXPONENT, UNCONFIRMED_DIMENSION = 0.10, 0.05
-#: Uncertainty of an exponent in nats over the whole series: neighbours that separate slowly, as on the strange
-#: attractor without chaos of Grebogi, Ott, Pelikan and Yorke, show a slope of 10 to 40 nats per series.
-PARTINGS = 12.0
 #: Factor of the change of an exponent with half the radius.
 RADIUS = 2.0
 
@@ -211,33 +211,3 @@ def widened(
             between = min(between, ROBUST * math.sqrt(float(np.median(squares))))
     parts = slope.deviation, region, between, relative * abs(slope.value), absolute
     return replace(slope, deviation=math.hypot(*parts))
-
-
-def widened_exponent(
-    slope: Slope,
-    region: float,
-    others: Sequence[float],
-    turn: float,
-    duration: float,
-    change: float = 0.0,
-    noise: float = 0.0,
-) -> Slope:
-    """Return an exponent with the deviation that includes all parts.
-
-    `turn` is the number of samples per turn, `duration` that of the series in seconds, `change` the
-    difference of the slope with half the radius, which is multiplied by :data:`RADIUS`, and `noise` the standard
-    deviation of the noise relative to that of the series.
-    """
-    relative = FLOW_ERROR if turn >= TURN and slope.radius is None else MAP_ERROR
-    return widened(
-        slope, region, others,
-        relative=math.hypot(relative, NOISE_ERROR * math.sqrt(noise)),
-        unconfirmed=UNCONFIRMED_EXPONENT, absolute=math.hypot(PARTINGS / duration, RADIUS * change),
-    )  # fmt: skip
-
-
-def widened_dimension(slope: Slope, region: float, others: Sequence[float]) -> Slope:
-    """Return a correlation dimension with the deviation that includes all parts."""
-    return widened(
-        slope, region, others, relative=DIMENSION_ERROR, unconfirmed=UNCONFIRMED_DIMENSION
-    )

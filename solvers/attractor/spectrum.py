@@ -67,11 +67,8 @@ class Tangents(NamedTuple):
         NaN if a map is degenerate.
         """
         axes = np.swapaxes(frames[:, :count], 1, 2)
-        now, later = (
-            self.states[self.neighbours[:-1]],
-            self.states[self.neighbours[:-1] + self.step],
-        )
-        now, later = now @ axes[:-1], later @ axes[1:]
+        near = self.neighbours[:-1]
+        now, later = self.states[near] @ axes[:-1], self.states[near + self.step] @ axes[1:]
         now, later = (x - x.mean(axis=1, keepdims=True) for x in (now, later))
         maps = np.swapaxes(np.linalg.pinv(now, rcond=RANK) @ later, 1, 2)
         turned, logs = np.eye(count), np.empty((len(maps), count))
@@ -97,11 +94,9 @@ def tangents(
     visits = nearest_states(ordered, times, places[chain[:PILOT]], theiler, count, False)[2]
     chain = chain[: max(WORK * PILOT // max(visits, 1), SOME, step_limit(states))]
     which = nearest_states(ordered, times, places[chain], theiler, count, False)[0]
-    return (
-        None
-        if len(chain) < 2 * PARTS or (which < 0).any()
-        else Tangents(states, chain, which, step)
-    )
+    if len(chain) < 2 * PARTS or (which < 0).any():
+        return None
+    return Tangents(states, chain, which, step)
 
 
 def resolved_directions(states: Floats, theiler: int, step: int) -> int:
@@ -151,11 +146,8 @@ class LyapunovSpectrum(AttractorBackend):
 
     def find(self, problem: AttractorAnalysis, request: Request) -> Finding:
         """Compute the exponents, and their spread over numbers of neighbours and embeddings."""
-        poll, options, embedding = (
-            poll_of(request),
-            request.options,
-            embed(problem, request.options),
-        )
+        poll, options = poll_of(request), request.options
+        embedding = embed(problem, options)
         states = problem.states(embedding.delay, embedding.dimension)
         width = states.shape[1]
         neighbours = options["neighbours"] or PER_UNKNOWN * (width + 1)
@@ -164,11 +156,8 @@ class LyapunovSpectrum(AttractorBackend):
         poll()
         result = _fit(states, embedding.theiler, step, neighbours, resolved, options["exponents"])
         if result is None:
-            return Finding(
-                embedding.plan(),
-                {},
-                "no spectrum: states have too few distinct neighbours, or none that are near",
-            )
+            reason = "states have too few distinct neighbours, or none that are near"
+            return Finding(embedding.plan(), {}, f"no spectrum: {reason}")
         values, errors = result
         count = len(values)
         squares, others = errors**2, 0
@@ -188,13 +177,8 @@ class LyapunovSpectrum(AttractorBackend):
         resolved = min(resolved, count)
         deviations[resolved:] = np.maximum(deviations[resolved:], np.abs(values[resolved:]))
         rate = 1.0 / (step * problem.period)
-        spectrum = Spectrum(
-            tuple((values * rate).tolist()),
-            tuple((deviations * rate).tolist()),
-            resolved,
-            neighbours,
-            step,
-        )
+        rates, errors = (tuple((x * rate).tolist()) for x in (values, deviations))
+        spectrum = Spectrum(rates, errors, resolved, neighbours, step)
         figures = {"resolved directions": resolved, "other fits": others}
         message = ""
         if resolved < count:

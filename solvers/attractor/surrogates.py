@@ -90,23 +90,24 @@ def surrogates_of(
     n = len(series)
     values = np.sort(series)
     wanted = np.abs(np.fft.rfft(series))
+
+    def restored(rows: Floats) -> Floats:
+        spectra = np.fft.rfft(rows, axis=1)
+        size = np.abs(spectra)
+        spectra *= np.divide(wanted, size, out=np.zeros_like(size), where=size > 0)
+        return np.fft.irfft(spectra, n, axis=1)
+
     result = generator.permuted(np.tile(series, (count, 1)), axis=1)
     limit = _ITERATIONS
     if n > _SHORT:
-        spectra = np.fft.rfft(result, axis=1)
-        size = np.abs(spectra)
-        spectra *= np.divide(wanted, size, out=np.zeros_like(size), where=size > 0)
-        result, limit = np.fft.irfft(spectra, n, axis=1), _FEWER
+        result, limit = restored(result), _FEWER
     order = np.argsort(result, axis=1, kind="stable")
     if n > _SHORT:
         np.put_along_axis(result, order, np.broadcast_to(values, result.shape), 1)
     open_ = np.arange(count)
     while open_.size and limit:
         poll()
-        spectra = np.fft.rfft(result[open_], axis=1)
-        size = np.abs(spectra)
-        spectra *= np.divide(wanted, size, out=np.zeros_like(size), where=size > 0)
-        new = np.argsort(np.fft.irfft(spectra, n, axis=1), axis=1, kind="stable")
+        new = np.argsort(restored(result[open_]), axis=1, kind="stable")
         moved = (new != order[open_]).any(axis=1)
         order[open_] = new
         np.put_along_axis(result, order, np.broadcast_to(values, result.shape), 1)

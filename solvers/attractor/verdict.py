@@ -25,7 +25,7 @@ from .embedding import mean_period, standardised, thin_out, transform_length
 from .exponents import Rosenstein
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, Poll, poll_of, run_stage
 from .neighbour_kernels import nearest_states, order_states
-from .prediction import NEIGHBOURS, choose_embeddings, prediction_error
+from .prediction import NEIGHBOURS, choose_embeddings, linear_map_error, prediction_error
 from .surrogates import RANKING, Ranks, ranks, statistics
 
 __all__ = ["Surrogates", "gather", "judge", "linear_error", "zero_one"]
@@ -36,8 +36,9 @@ Floats = NDArray[np.float64]
 CLEAR = 7.0
 #: Orders of autoregressive models, samples per coefficient, and largest number of samples for both predictions.
 ORDERS, PER_COEFFICIENT, SAMPLES = (2, 5, 10, 20, 40), 20, 10_000
-#: Samples per mean period of the 0-1 test, its smallest and largest number of samples, and number of frequencies.
-PER_PERIOD, FEWEST, MOST, FREQUENCIES = 8, 100, 1500, 48
+#: Samples per mean period of the 0-1 test: the mean frequency and its double are then among those of the test. Its
+#: smallest and largest number of samples, and number of frequencies.
+PER_PERIOD, FEWEST, MOST, FREQUENCIES = 6, 100, 1500, 48
 #: States whose neighbours are followed, and times at which their distances are measured.
 FOLLOWED, TIMES = 500, 50
 #: Smallest distance relative to the extent of the series.
@@ -125,9 +126,12 @@ def gather(problem: AttractorAnalysis, embedding: Embedding, ahead: int, poll: P
     poll()
     part = series[:SAMPLES]
     theiler = min(theiler, len(part) // 4)
-    square = prediction_error(part, delay, dimension, theiler, NEIGHBOURS, ahead)
-    is_known = math.isfinite(square) and np.ptp(part) > 0
-    nonlinear = math.sqrt(square / part.var()) if is_known else 1.0
+    squares = (
+        prediction_error(part, delay, dimension, theiler, NEIGHBOURS, ahead),
+        linear_map_error(part, delay, dimension, theiler, ahead),
+    )
+    known = [square for square in squares if math.isfinite(square) and np.ptp(part) > 0]
+    nonlinear = math.sqrt(min(known) / part.var()) if known else 1.0
     return Evidence(
         ahead, linear_error(series, ahead), nonlinear, near, far, step, zero_one(series, step)
     )
@@ -154,14 +158,7 @@ def judge(
         pass
     elif exponent is None:
         reason = "no positive exponent was found"
-    elif exponent.value <= evidence.deviations * exponent.deviation:
-        reason = f"the exponent {exponent} must exceed 0 by {evidence.deviations:g} deviations"
-    elif exponent.value * duration < evidence.needed:
-        reason = (
-            f"neighbours part by {exponent.value * duration:.3g} nats over its length: "
-            f"{evidence.needed:g} are needed to call it chaotic"
-        )
-    else:
+    elif not (reason := evidence.doubts(exponent.value, exponent.deviation, duration)):
         judgement = Judgement.CHAOTIC
     if judgement is Judgement.NONLINEAR:
         reason = f"linear noise does not explain the series, but {reason}"

@@ -150,6 +150,18 @@ def test_the_exponent_of_chaos_is_clear(change, least):
 
 
 @pytest.mark.parametrize(
+    ("nonlinear", "judgement"), [(0.15, Judgement.CHAOTIC), (0.16, Judgement.NONLINEAR)]
+)
+def test_slow_partings_are_left_out_of_a_clear_deviation(nonlinear, judgement):
+    """12 of 1,000 nats are in the deviation: 0.025 is 1.7 deviations, and 2.8 without them."""
+    evidence = Evidence(1, 0.5, nonlinear, 5.0, 0.0, 2, 0.9)
+    slope = Slope(Method.ROSENSTEIN, 0.025, 0.015, 0.0, 5.0)
+    test, why = judge(Ranks(39, 0, 0.1, 1.0, 50.0, 0.0), evidence, slope, 1000.0)
+    assert test.judgement is judgement
+    assert ("exceed 0 by 2 deviations" in why) is (judgement is Judgement.NONLINEAR)
+
+
+@pytest.mark.parametrize(
     ("change", "judgement", "said"),
     [
         ({"far": 4.5}, Judgement.REGULAR, ""),

@@ -14,7 +14,7 @@ from crosstrack.models.attractor import Judgement
 from crosstrack.solvers import Control, Limit, Termination
 from crosstrack.solvers.attractor.native import Embedding, embed
 from crosstrack.solvers.attractor.neighbour_kernels import nearest_states
-from crosstrack.solvers.attractor.prediction import prediction_error
+from crosstrack.solvers.attractor.prediction import linear_map_error, prediction_error
 from crosstrack.solvers.attractor.surrogates import (
     RANKING,
     match_ends,
@@ -108,6 +108,36 @@ def test_the_prediction_error_is_that_of_plain_loops(n, delay, d, theiler, count
         assert found == pytest.approx(np.mean(errors), rel=1e-9)
     else:
         assert np.isnan(found)
+
+
+@given(
+    st.integers(20, 60), st.integers(1, 2), st.integers(1, 3), st.integers(0, 5), st.integers(0, 10**6)
+)  # fmt: skip
+@settings(max_examples=30)
+def test_the_error_of_linear_maps_is_that_of_regressions(n, delay, d, theiler, seed):
+    x = np.random.default_rng(seed).normal(size=n)
+    last, span, errors = n - d * delay, (d - 1) * delay, []
+    states = np.stack([x[k * delay : k * delay + last] for k in range(d)], axis=1)
+    for i in range(last):
+        apart = np.abs(states - states[i]).max(axis=1)
+        apart[max(i - theiler, 0) : i + theiler + 1] = np.inf
+        near = np.argsort(apart, kind="stable")[: 2 * (d + 1)]
+        if np.isfinite(apart[near[-1]]):
+            rows = np.column_stack([states[near] - states[i], np.ones(len(near))])
+            later = x[near + span + delay]
+            errors.append((x[i + span + delay] - np.linalg.lstsq(rows, later)[0][-1]) ** 2)
+    # The penalty changes well-determined maps little.
+    assert linear_map_error(x, delay, d, theiler, delay) == pytest.approx(np.mean(errors), rel=1e-2)
+
+
+def test_linear_maps_need_neighbours_and_few_dimensions():
+    x = henon(150)
+    assert linear_map_error(x, 1, 2, 0, 1) < 0.1 * prediction_error(x, 1, 2, 0, 5)
+    assert np.isnan(linear_map_error(x, 1, 21, 0, 1)) and np.isnan(
+        linear_map_error(x, 1, 2, 148, 1)
+    )
+    assert np.isnan(linear_map_error(x, 100, 3, 0, 1))
+    assert np.isfinite(linear_map_error(np.ones(50), 1, 2, 0, 1))
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from crosstrack.models.attractor.evidence import (
     linear_error as plain_linear_error,
     zero_one as plain_zero_one,
 )
-from crosstrack.solvers.attractor import embedding, prediction, verdict
+from crosstrack.solvers.attractor import embedding, native, prediction, verdict
 from crosstrack.solvers.attractor.native import RunStopped, embed
 from crosstrack.solvers.attractor.prediction import choose_embeddings
 from crosstrack.solvers.attractor.surrogates import Ranks, normal_scores, surrogates_of
@@ -95,6 +95,7 @@ CHAOTIC = {
     "lorenz": lambda: lorenz(600, 0.05),
     "chen": lambda: chen(3000),
     "double pendulum": lambda: double_pendulum(6000),
+    "sprott s": lambda: sprott_s(1000),
     "noisy henon": lambda: henon(1000) + 0.035 * arma(1000, ()),
 }
 NOISE = {
@@ -107,7 +108,7 @@ NOISE = {
     "phases of henon": lambda: surrogates_of(henon(500), 1, np.random.default_rng(1))[0],
 }
 #: Cases of known motions that differ from the others in speed or length alone.
-LONG = ("slow sine", "fast sine", "ikeda", "chen", "double pendulum")
+LONG = ("slow sine", "fast sine", "ikeda", "chen", "double pendulum", "sprott s")
 CASES = [
     *((name, series, Judgement.REGULAR) for name, series in REGULAR.items()),
     *((name, series, Judgement.CHAOTIC) for name, series in CHAOTIC.items()),
@@ -183,6 +184,22 @@ def test_evidence_is_that_of_plain_loops(series, step):
     x = (series - series.mean()) / series.std()
     assert zero_one(x, step) == pytest.approx(plain_zero_one(x, step), abs=1e-9)
     assert linear_error(x, 2) == pytest.approx(plain_linear_error(x, 2), abs=1e-9)
+
+
+@cache
+def sprott_s(n):
+    return flow(
+        lambda _, u: (-u[0] - 4 * u[1], u[0] + u[2] ** 2, 1 + u[0]), n, 0.3, (0.1, 0.1, 0.1)
+    )
+
+
+def test_the_0_1_test_reads_about_six_samples_per_period():
+    """With eight samples per period, chaos of Sprott's case S had a correlation of 0.002."""
+
+    def correlation(series):
+        return zero_one(series, round(embedding.mean_period(series) / verdict.PER_PERIOD))
+
+    assert correlation(sprott_s(1000)) > 0.9 > 0.2 > abs(correlation(torus(1000)))
 
 
 def test_the_0_1_test_separates_periodic_from_irregular_series():
@@ -262,7 +279,7 @@ def test_a_sensor_that_starts_late_is_judged(size, monkeypatch):
     for module, name in ((prediction, "SAMPLES"), (verdict, "SAMPLES"), (evidence, "LEADING")):
         monkeypatch.setattr(module, name, 500)
     if size:
-        monkeypatch.setattr(embedding, "cao_dimension", lambda *_: 2)
+        monkeypatch.setattr(native, "cao_dimension", lambda *_: 2)
     assert judgement(np.r_[size * arma(501, ()), arma(250, ())])[0] in Judgement
 
 
