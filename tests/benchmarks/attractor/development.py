@@ -129,7 +129,7 @@ MAPS: Mapping[str, tuple[Callable[[float, float], tuple[float, float]], tuple[fl
         lambda x, y: (x * x - y * y + 0.9 * x - 0.6 * y, 2 * x * y + 2 * x + 0.5 * y), (-0.7, -0.6), 1
     ),
     "holmes": (lambda x, y: (y, -0.2 * x + 2.75 * y - y**3), (1.6, 0), 0),
-    "holmes, 2": (lambda x, y: (y, -0.2 * x + 2.75 * y - y**3), (0.5, 0.1), 1),
+    "holmes, 2": (lambda x, y: (y, -0.2 * x + 2.75 * y - y**3), (0.5, 0.1), 0),
     "power": (lambda x, y: (1 - 1.7 * abs(x) ** 1.5, y), (0.2, 0), 0),
     "gumowski and mira": (gumowski, (0.1, 0.1), 0),
     "svensson": (
