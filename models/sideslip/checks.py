@@ -75,12 +75,15 @@ def kinematic_differences(
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def linear_contradiction(vehicle: Vehicle, recording: Recording) -> tuple[float, float]:
+def linear_contradiction(
+    vehicle: Vehicle, recording: Recording, seconds: float = np.inf
+) -> tuple[float, float]:
     """Return the largest and the mean difference between linear tyres and kinematics at 5 m/s or more, in degrees.
 
     With linear tyres yaw rate, acceleration and steering angle of one sample determine the angle. Its changes over one
     second are compared with those of kinematics, as in :func:`kinematic_error`. The largest absolute difference shows
-    tyres that slide or a wrong vehicle. The absolute mean shows a sensor with a bias or a bank of the road.
+    tyres that slide or a wrong vehicle. The absolute mean shows a sensor with a bias or a bank of the road. It is the largest
+    one of all stretches of `seconds`, or that of the whole recording if it is shorter.
     """
     front, rear = vehicle.cornering_front, vehicle.cornering_rear
     arm = (vehicle.rear * rear - vehicle.front * front) / np.maximum(recording.speed, SLOW)
@@ -90,4 +93,7 @@ def linear_contradiction(vehicle: Vehicle, recording: Recording) -> tuple[float,
     apart = apart[np.minimum(recording.speed[first], recording.speed[last]) >= SLOW]
     if not apart.size:
         return 0.0, 0.0
-    return float(np.degrees(np.abs(apart).max())), float(np.degrees(abs(apart.mean())))
+    count = int(min(max(seconds / recording.period, 1.0), apart.size))
+    sums = np.concatenate([[0.0], np.cumsum(apart)])
+    means = (sums[count:] - sums[:-count]) / count
+    return float(np.degrees(np.abs(apart).max())), float(np.degrees(np.abs(means).max()))

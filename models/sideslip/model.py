@@ -148,7 +148,9 @@ class SideslipEstimation(Model[SideslipEstimate]):
         here = np.array(linear_contradiction(car, drive))
         excited = here > EXCITED + np.degrees(np.multiply(NOISES, noises))
         if excited.any():
-            known = [linear_contradiction(car, other) for other in self.training]
+            # The mean over a short drive differs more from 0 than that over a long one.
+            seconds = float(drive.times[-1] - drive.times[0])
+            known = [linear_contradiction(car, other, seconds) for other in self.training]
             if (excited & (here > FACTOR * np.max([(0.0, 0.0), *known], axis=0))).any():
                 return "unscented-filter"
         return "smoother-grnn" if self.training else ""

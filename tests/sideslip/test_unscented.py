@@ -376,6 +376,19 @@ def test_auto_chooses_the_filter_only_if_the_tyres_leave_their_linear_range():
     assert recommended(dataclasses.replace(biased, training=known)).name == "smoother-grnn"
 
 
+def test_a_part_of_a_training_drive_is_learned_although_its_mean_error_is_larger():
+    model = generate("serpentine", drivers=1)
+    (drive,) = model.training
+    count, times = len(drive) // 2, drive.times
+    wave = 0.01 * np.sin(2.0 * math.pi * times / times[-1])  # 0 on average of the whole drive
+    wrong = dataclasses.replace(drive, yaw_rate=drive.yaw_rate + wave)
+    names = ("times", "speed", "steering", "yaw_rate", "lateral_acceleration")
+    part = type(drive)(**{name: getattr(wrong, name)[:count] for name in names})
+    model = dataclasses.replace(model, recording=part, truth=None)
+    assert recommended(model).name == "unscented-filter"
+    assert recommended(dataclasses.replace(model, training=(wrong,))).name == "smoother-grnn"
+
+
 def test_the_contradiction_is_that_of_linear_tyres():
     calm, slow = kinematic(), kinematic(speed=4.0)
     assert linear_contradiction(slow.vehicle, slow.recording) == (0.0, 0.0)
