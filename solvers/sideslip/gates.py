@@ -28,15 +28,15 @@ it. The deviation of linear regression grows with the leverage of the recent inp
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from ...models.sideslip.checks import kinematic_rate
-from ...models.sideslip.data import UNKNOWN, Recording
+from ...models.sideslip.data import LOW_SPEED, UNKNOWN, Recording
 from ...models.sideslip.model import SideslipEstimation
 from .learning import Window, training_set
 
@@ -223,66 +223,122 @@ def find_contradictions(problem: SideslipEstimation, sideslip: Floats, deviation
     The reference of a sample uses that sample and earlier ones, without a halt in between.
     """
     drive = problem.recording
-    times, moving = drive.times, drive.moving
-    speed = np.where(moving, drive.speed, np.inf)
-    rate, steps = kinematic_rate(drive), np.diff(times)
-    sensor_variance = np.square(problem.yaw_rate_noise) + (problem.acceleration_noise / speed) ** 2
-    # Noise of both sensors, the model's disturbance of the angle, and the error of the trapezoidal rule.
-    noise = (
-        0.5 * (sensor_variance[1:] + sensor_variance[:-1]) * steps**2
-        + problem.disturbance[0] ** 2 * steps
-    )
-    noise += (np.diff(rate) * steps) ** 2 / 12.0
-    # a_y / u - ω lacks - β u' / u, which is the same error in every step while the speed changes.
-    braking = np.abs(np.diff(np.log(np.where(moving, drive.speed, 1.0))))
-    lacking = braking * 0.5 * np.abs(sideslip[1:] + sideslip[:-1])
-    halts = np.concatenate([[0], np.cumsum(~moving)])
-    # The first sample of each window; the sample itself if a halt is in between.
-    index = np.arange(len(times))
-    begins = [np.searchsorted(times, times - window * (1 + 1e-9)) for window in WINDOWS]
-    begins = [np.where(halts[index + 1] == halts[begin], begin, index) for begin in begins]
-    differences = np.zeros(len(times))
+    track = new_track(len(drive), noise_of(problem))
     gate_path(
-        times, moving, np.ascontiguousarray(sideslip, dtype=float),
-        np.ascontiguousarray(deviation, dtype=float),
-        _sums(0.5 * (rate[1:] + rate[:-1]) * steps), _sums(noise), _sums(lacking),
-        BIASES[0] ** 2 + (BIASES[1] / speed) ** 2,
-        np.ascontiguousarray(np.stack(begins, axis=1), dtype=np.int64), index.copy(), differences,
-        np.empty(6), 0, len(times),
+        drive.times, drive.speed, drive.yaw_rate, drive.lateral_acceleration,
+        np.ascontiguousarray(sideslip, dtype=float), np.ascontiguousarray(deviation, dtype=float), track,
     )  # fmt: skip
-    return differences
+    return track.differences
 
 
-def _sums(steps: Floats) -> Floats:
-    """Return the sums of the steps before each sample."""
-    return np.concatenate([[0.0], np.cumsum(steps)])
+Track = namedtuple(
+    "Track",
+    "times moving angle claim change noise lacking bias begins origin differences rate variance size state counts "
+    "sensors",
+)
+Track.__doc__ = """State of the kinematic gate, with one entry per sample in the arrays up to `size`.
+
+`change`, `noise` and `lacking` are sums up to each sample: the measured change of the angle, its variance, and the neglected
+braking term. `bias` is the variance of the bias of the rate before the drive. `begins`, shape (n, w), has the first sample of
+each window, `origin` the starting point of each sample's reference, and `differences` those that are contradictions (rad).
+`counts` has the number of samples, the first one after the last halt, and the first one of each window; `sensors` the
+variances of yaw rate, acceleration and disturbance of the angle per second, and the distance of the rear axle (m), which is 0
+if claims include the error of small angles.
+"""
+
+
+def noise_of(problem: SideslipEstimation) -> Floats:
+    """Return the `sensors` of a :class:`Track` without the distance of the rear axle."""
+    noises = problem.yaw_rate_noise, problem.acceleration_noise, problem.disturbance[0], 0.0
+    return np.square(noises)
+
+
+def new_track(room: int, sensors: Floats) -> Track:
+    """Return the state before the first of at most `room` samples."""
+    columns: list[Any] = [np.zeros(room) for _ in range(11)]
+    columns[1:1] = [np.zeros(room, bool)]
+    columns[8:8] = [np.zeros((room, len(WINDOWS)), int), np.zeros(room, int)]
+    return Track._make([*columns, np.zeros(6), np.zeros(2 + len(WINDOWS), int), sensors])
 
 
 @kernel(interpretable=True)
 def gate_path(
-    times: Floats, moving: NDArray[np.bool_], angle: Floats, claim: Floats,
-    change: Floats, noise: Floats, lacking: Floats, bias: Floats,
-    begins: NDArray[np.int64], origin: NDArray[np.int64], differences: Floats,
-    state: Floats, first: int, stop: int,
+    times: Floats, speed: Floats, yaw_rate: Floats, acceleration: Floats, angle: Floats, claim: Floats,
+    track: Track,
 ) -> None:  # fmt: skip
-    """Fill `differences`, which are zero on entry, with the differences (rad) that are contradictions.
+    """Fill the `differences` of a track for all samples of a drive."""
+    for j in range(len(track.counts)):
+        track.counts[j] = 0
+    for k in range(len(times)):
+        gate_sample(times[k], speed[k], yaw_rate[k], acceleration[k], angle[k], claim[k], track)
 
-    `change`, `noise` and `lacking` are sums up to each sample: the measured change, its variance, and
-    the neglected braking term. `bias` is the variance of the bias of the rate before the drive.
-    `begins`, shape (n, w), has the first sample of each window. `origin`, the starting point of each
-    sample's reference, is the sample itself on entry and is changed. Samples `first` … `stop` - 1 are
-    compared; `state`, shape (6,), is that of the gate after the last of them, and on entry unless `first` is 0.
+
+@kernel
+def gate_sample(
+    time: float, speed: float, yaw_rate: float, acceleration: float, angle: float, claim: float,
+    track: Track,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Return the angle of an estimate at a new sample, its deviation after the kinematic gate, and the contradiction (rad).
+
+    Samples without both measurements are treated as halts: windows do not contain them.
     """
+    if abs(angle) < math.inf and claim < math.inf:
+        angle, claim = min(max(angle, -0.5 * math.pi), 0.5 * math.pi), min(claim, UNKNOWN)
+    else:
+        angle, claim = 0.0, UNKNOWN
+    counts, sensors = track.counts, track.sensors
+    k = counts[0]
+    moving = speed >= LOW_SPEED and not math.isnan(acceleration + yaw_rate)
+    inverse, rate = 0.0, 0.0 if math.isnan(yaw_rate) else -yaw_rate
+    if moving:
+        inverse, rate = 1.0 / speed, acceleration / speed - yaw_rate
+        turn = sensors[3] * yaw_rate * inverse
+        claim = min(math.hypot(claim, turn - math.atan(turn)), UNKNOWN)
+    track.times[k], track.moving[k], track.angle[k], track.claim[k] = time, moving, angle, claim
+    track.rate[k] = rate
+    track.variance[k] = sensors[0] + sensors[1] * inverse * inverse
+    track.size[k] = math.log(speed) if moving else 0.0
+    track.bias[k] = BIASES[0] * BIASES[0] + BIASES[1] * inverse * (BIASES[1] * inverse)
+    track.change[k] = track.noise[k] = track.lacking[k] = track.differences[k] = 0.0
+    track.origin[k] = k
+    if k:
+        dt, j = time - track.times[k - 1], k - 1
+        track.change[k] = track.change[j] + 0.5 * (rate + track.rate[j]) * dt
+        noise = 0.5 * (track.variance[k] + track.variance[j]) * (dt * dt) + sensors[2] * dt
+        bend = (rate - track.rate[j]) * dt
+        track.noise[k] = track.noise[j] + (noise + bend * bend / 12.0)
+        braking = abs(track.size[k] - track.size[j])
+        track.lacking[k] = track.lacking[j] + braking * 0.5 * abs(angle + track.angle[j])
+    if not moving:
+        counts[1] = k + 1
+    for j in range(len(WINDOWS)):
+        begin = time - WINDOWS[j] * (1 + 1e-9)
+        while track.times[counts[2 + j]] < begin:
+            counts[2 + j] += 1
+        track.begins[k, j] = counts[2 + j] if counts[2 + j] >= counts[1] else k
+    compare_sample(k, track)
+    counts[0] = k + 1
+    apart = track.differences[k]
+    deviation = claim
+    if apart != 0.0:
+        deviation = min(math.sqrt(claim * claim + apart * apart), math.hypot(UNKNOWN, angle))
+    return angle, deviation if speed >= LOW_SPEED else UNKNOWN, apart
+
+
+@kernel
+def compare_sample(k: int, track: Track) -> None:
+    """Compare sample `k` of a track with its references, and update `differences`, `origin` and `state` of the track."""
+    times, claim, change, noise = track.times, track.claim, track.change, track.noise
+    angle, origin, begins, state = track.angle, track.origin, track.begins, track.state
     limit = THRESHOLD * THRESHOLD
     opened, rate, variance, last, start, doubt = False, 0.0, math.inf, -1, 0, -math.inf
-    if first > 0:
+    if k > 0:
         opened, rate, variance, doubt = state[0] != 0.0, state[1], state[2], state[5]
         last, start = int(state[3]), int(state[4])
-    for k in range(first, stop):
-        if not moving[k]:
-            last, opened = -1, False
-            continue
-        variance = min(variance, bias[k])
+    if not track.moving[k]:
+        last, opened = -1, False
+    else:
+        variance = min(variance, track.bias[k])
         worst, reason, reach = CLOSING * CLOSING if opened else limit, k, 0.0
         least, nearest = claim[k] * claim[k], k
         for j in range(begins.shape[1]):
@@ -292,14 +348,14 @@ def gate_path(
             if i >= k:
                 continue
             span = times[k] - times[i]
-            short = lacking[k] - lacking[i]
+            short = track.lacking[k] - track.lacking[i]
             allowed = claim[i] * claim[i] + noise[k] - noise[i] + short * short
             allowed += variance * span * span
             apart = angle[k] - angle[i] - (change[k] - change[i]) - rate * span
             rest = max(abs(apart) - CLAIMED * claim[k], 0.0)
             if rest * rest > worst * allowed:
                 worst, reason, reach = rest * rest / allowed, i, allowed
-                differences[k] = apart
+                track.differences[k] = apart
             if allowed < least:
                 least, nearest = allowed, i
         if reason < k:
@@ -307,12 +363,14 @@ def gate_path(
             span = times[k] - times[i]
             apart = angle[k] - angle[i] - (change[k] - change[i])
             allowed = 2.0 * claim[reason] * claim[reason] + noise[k] - noise[i]
-            if not opened or apart * apart > limit * (allowed + bias[k] * span * span):
+            if not opened or apart * apart > limit * (allowed + track.bias[k] * span * span):
                 doubt = times[k]
             span = times[k] - times[reason]
-            rest = max(abs(differences[k]) - CLAIMED * claim[k], 0.0)
-            if times[k] - doubt >= HOLD and rest * rest <= limit * (reach + bias[k] * span * span):
-                differences[k], start, variance, rate = 0.0, k, bias[k], 0.0
+            rest = max(abs(track.differences[k]) - CLAIMED * claim[k], 0.0)
+            if times[k] - doubt >= HOLD and rest * rest <= limit * (
+                reach + track.bias[k] * span * span
+            ):
+                track.differences[k], start, variance, rate = 0.0, k, track.bias[k], 0.0
                 reason, nearest = k, k
         opened = reason < k
         origin[k] = reason if opened else nearest

@@ -15,9 +15,9 @@ from ...models.fields import Real, show
 from ...models.sideslip.data import MOST_GAP
 from ...models.sideslip.dynamics import parameters
 from ...models.sideslip.model import SideslipEstimation
-from .gates import WINDOWS
+from .gates import Track, new_track, noise_of
 from .mismatch import ERRORS
-from .online_kernels import Cloud, Pair, Track, kalman_sample, unscented_sample
+from .online_kernels import Cloud, Pair, kalman_sample, unscented_sample
 from .passes import largest_variance, noise_variances
 from .unscented import setting_of
 from .unscented_kernels import SIZE
@@ -84,7 +84,8 @@ class OnlineFilter:
         self._history = Real(0.0).coerce("history", history, {})
         jit.compile_always()
         self._backend = backend
-        self._sensors = np.append(noise_variances(model)[[2, 3, 0]], model.vehicle.rear)
+        self._sensors = noise_of(model)
+        self._sensors[3] = model.vehicle.rear
         self._most = largest_variance(model)
         if backend == "kalman-filter":
             initial = np.concatenate([model.initial, model.initial_deviation**2])
@@ -105,7 +106,7 @@ class OnlineFilter:
 
     def reset(self) -> None:
         """Forget all samples: the next one is the first of a drive."""
-        self._filter, self._track = _copied(self._start), _new_track(self._sensors)
+        self._filter, self._track = _copied(self._start), new_track(_ROOM, self._sensors)
         self._time, self._inputs = -math.inf, (math.nan, math.nan)
         self._samples: list[tuple[float, ...]] = []
         self._saved: list[tuple[Any, ...]] = [self._snapshot()] * 2 if self._history else []
@@ -166,7 +167,7 @@ class OnlineFilter:
                 self._samples = [entry for entry in self._samples if entry[0] > self._saved[0][0]]
             self._samples.append(values)
         if first:
-            self._filter, self._track = _copied(self._start), _new_track(self._sensors)
+            self._filter, self._track = _copied(self._start), new_track(_ROOM, self._sensors)
         self._time, self._inputs = time, (speed, steering)
         step = kalman_sample if self._backend == "kalman-filter" else unscented_sample
         data = time, speed, steering, yaw_rate, acceleration
@@ -236,13 +237,6 @@ class OnlineFilter:
 
 def _copied(arrays: Any) -> Any:
     return arrays._make(array.copy() for array in arrays)
-
-
-def _new_track(sensors: Floats) -> Track:
-    columns: list[Any] = [np.zeros(_ROOM) for _ in range(11)]
-    columns[1:1] = [np.zeros(_ROOM, bool)]
-    columns[8:8] = [np.zeros((_ROOM, len(WINDOWS)), int), np.zeros(_ROOM, int)]
-    return Track._make([*columns, np.zeros(6), np.zeros(2 + len(WINDOWS), int), sensors])
 
 
 def _compacted(track: Track) -> Track:

@@ -9,16 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from ...models.sideslip.data import LOW_SPEED, UNKNOWN
-from .gates import BIASES, WINDOWS, gate_path
+from ...models.sideslip.data import LOW_SPEED
+from .gates import Track, gate_sample
 from .kalman_kernels import filter_path
 from .mismatch import MEMORY, fit_errors, leave_marks
 from .unscented_kernels import is_sliding, unscented_step
 
-__all__ = ["Cloud", "Pair", "Track", "gate_sample", "kalman_sample", "unscented_sample"]
+__all__ = ["Cloud", "Pair", "kalman_sample", "unscented_sample"]
 
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 #: Variance of a measurement that is missing.
 _MISSING = 1e30
@@ -38,16 +37,6 @@ Cloud.__doc__ = (
     "Arguments of the unscented filter; `begin` is the root of the initial covariance, and `rejected` is that of "
     ":func:`~crosstrack.solvers.sideslip.unscented_kernels.unscented_step`."
 )
-Track = namedtuple(
-    "Track",
-    "times moving angle claim change noise lacking bias begins origin differences rate variance size state counts "
-    "sensors",
-)
-Track.__doc__ = """Arguments of :func:`~crosstrack.solvers.sideslip.gates.gate_path` since the longest window began.
-
-`counts` has the number of samples, the first one after the last halt, and the first one of each window; `sensors`
-the variances of yaw rate, acceleration and disturbance of the angle per second, and the distance of the rear axle (m).
-"""
 
 
 @kernel
@@ -151,61 +140,3 @@ def unscented_sample(
     )
     slides = is_sliding(x[1], speed, steering, cloud.vehicle, cloud.loads)
     return angle, deviation, apart, moving and slides
-
-
-@kernel
-def gate_sample(
-    time: float, speed: float, yaw_rate: float, acceleration: float, angle: float, claim: float,
-    track: Track,
-) -> tuple[float, float, float]:  # fmt: skip
-    """Return the angle of a filter at a new sample, its deviation after the kinematic gate, and the contradiction (rad).
-
-    Samples without both measurements are treated as halts: windows do not contain them.
-    """
-    if abs(angle) < math.inf and claim < math.inf:
-        angle, claim = min(max(angle, -0.5 * math.pi), 0.5 * math.pi), min(claim, UNKNOWN)
-    else:
-        angle, claim = 0.0, UNKNOWN
-    counts, sensors = track.counts, track.sensors
-    k = counts[0]
-    rate = acceleration / speed - yaw_rate
-    moving = speed >= LOW_SPEED and not math.isnan(rate)
-    inverse = 1.0 / speed if moving else 0.0
-    if moving:
-        turn = sensors[3] * yaw_rate * inverse
-        claim = min(math.hypot(claim, turn - math.atan(turn)), UNKNOWN)
-    else:
-        rate = 0.0 if math.isnan(yaw_rate) else -yaw_rate
-    track.times[k], track.moving[k], track.angle[k], track.claim[k] = time, moving, angle, claim
-    track.rate[k] = rate
-    track.variance[k] = sensors[0] + sensors[1] * inverse * inverse
-    track.size[k] = math.log(speed) if moving else 0.0
-    track.bias[k] = BIASES[0] * BIASES[0] + BIASES[1] * inverse * (BIASES[1] * inverse)
-    track.change[k] = track.noise[k] = track.lacking[k] = track.differences[k] = 0.0
-    track.origin[k] = k
-    if k:
-        dt, j = time - track.times[k - 1], k - 1
-        track.change[k] = track.change[j] + 0.5 * (rate + track.rate[j]) * dt
-        noise = 0.5 * (track.variance[k] + track.variance[j]) * (dt * dt) + sensors[2] * dt
-        bend = (rate - track.rate[j]) * dt
-        track.noise[k] = track.noise[j] + (noise + bend * bend / 12.0)
-        braking = abs(track.size[k] - track.size[j])
-        track.lacking[k] = track.lacking[j] + braking * 0.5 * abs(angle + track.angle[j])
-    if not moving:
-        counts[1] = k + 1
-    for j in range(len(WINDOWS)):
-        begin = time - WINDOWS[j] * (1 + 1e-9)
-        while track.times[counts[2 + j]] < begin:
-            counts[2 + j] += 1
-        track.begins[k, j] = counts[2 + j] if counts[2 + j] >= counts[1] else k
-    gate_path(
-        track.times, track.moving, track.angle, track.claim, track.change, track.noise,
-        track.lacking, track.bias, track.begins, track.origin, track.differences, track.state,
-        k, k + 1,
-    )  # fmt: skip
-    counts[0] = k + 1
-    apart = track.differences[k]
-    deviation = claim
-    if apart != 0.0:
-        deviation = min(math.sqrt(claim * claim + apart * apart), math.hypot(UNKNOWN, angle))
-    return angle, deviation if speed >= LOW_SPEED else UNKNOWN, apart
