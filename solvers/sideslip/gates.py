@@ -261,7 +261,7 @@ def new_track(room: int, sensors: Floats) -> Track:
     return Track._make([*columns, np.zeros(6), np.zeros(2 + len(WINDOWS), int), sensors])
 
 
-@kernel(interpretable=True)
+@kernel(interpretable=True, allocates=False)
 def gate_path(
     times: Floats, speed: Floats, yaw_rate: Floats, acceleration: Floats, angle: Floats, claim: Floats,
     track: Track,
@@ -273,7 +273,7 @@ def gate_path(
         gate_sample(times[k], speed[k], yaw_rate[k], acceleration[k], angle[k], claim[k], track)
 
 
-@kernel
+@kernel(allocates=False)
 def gate_sample(
     time: float, speed: float, yaw_rate: float, acceleration: float, angle: float, claim: float,
     track: Track,
@@ -325,7 +325,7 @@ def gate_sample(
     return angle, deviation if speed >= LOW_SPEED else UNKNOWN, apart
 
 
-@kernel
+@kernel(allocates=False)
 def compare_sample(k: int, track: Track) -> None:
     """Compare sample `k` of a track with its references, and update `differences`, `origin` and `state` of the track."""
     times, claim, change, noise = track.times, track.claim, track.change, track.noise

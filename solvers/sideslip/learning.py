@@ -33,6 +33,9 @@ MOST_TABLE = 2**24
 BLOCK = 2**18
 #: Smallest number of rows in a block, if memory allows: fewer rows are slow to multiply.
 ROWS = 16
+#: Least duration (s) and largest number of the parts of a single training drive. With halves of the race-track drive the errors
+#: of drives left out are too large, because half of the track is missing.
+LEAST_PART, MOST_PARTS = 15.0, 5
 #: Search interval of the kernel width, in deviations of the features.
 NARROWEST, WIDEST = 0.02, 5.0
 #: Number of widths in the grid search, and tolerance of the refinement in the logarithm.
@@ -86,7 +89,7 @@ def training_set(
 ) -> TrainingSet:
     """Return the examples of all samples at 1 m/s or more.
 
-    The targets (rad) of a drive are its angles by default. A single drive is split into two halves, so
+    The targets (rad) of a drive are its angles by default. A single drive is split into two to five parts, so
     that one of them can be left out.
     """
     drives = list(training)
@@ -97,7 +100,9 @@ def training_set(
     )
     counts = [int(drive.moving.sum()) for drive in drives]
     if len(counts) == 1:
-        counts = [counts[0] // 2, counts[0] - counts[0] // 2]
+        seconds = drives[0].times[-1] - drives[0].times[0]
+        parts = int(np.clip(seconds / LEAST_PART, 2, MOST_PARTS))
+        counts = np.diff(np.linspace(0, counts[0], parts + 1).astype(int)).tolist()
     return TrainingSet(features, angles, np.repeat(np.arange(len(counts)), counts))
 
 

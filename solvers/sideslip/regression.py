@@ -32,7 +32,7 @@ __all__ = ["Grnn", "KalmanGrnn", "LinearRegression", "SmootherGrnn"]
 Floats = NDArray[np.float64]
 
 #: Ratio of the errors on drives left out below which the tyre curve corrects the filter instead of the kernel.
-_BETTER = 0.9
+_BETTER = 0.95
 #: Ratio of the noise of the drive to that of the training drives up to which a tyre curve learned from them is used.
 _NOISIER = 2.0
 #: Relative change of the mass since the training drives whose effect is named, and the smallest effect, rad.

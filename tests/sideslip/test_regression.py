@@ -127,9 +127,12 @@ def test_standstill_teaches_nothing():
     assert np.bincount(found.drives).tolist() == [80, 50]
 
 
-def test_a_single_drive_counts_as_its_halves():
+def test_a_single_drive_is_split_into_parts_of_at_least_fifteen_seconds():
     found = training_set([drive(4, 11)], Window(0.05))
     assert found.drives.tolist() == [0] * 5 + [1] * 6
+    counts = [np.bincount(training_set([drive(4, n)], Window(0.05)).drives) for n in (901, 4000)]
+    assert [len(count) for count in counts] == [3, 5]
+    assert np.ptp(counts[0]) == 1
 
 
 # -- kernel regression -----------------------------------------------------------------------------
