@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from .data import Recording, Vehicle
 
 __all__ = [
+    "SENSORS",
     "kinematic_differences",
     "kinematic_error",
     "kinematic_rate",
     "linear_contradiction",
     "mean_error",
+    "sensor_noises",
+    "without_spikes",
 ]
 
 Floats = NDArray[np.float64]
@@ -21,6 +26,9 @@ Floats = NDArray[np.float64]
 WINDOW = 1.0
 #: Speed (m/s) below which tyres are not compared with kinematics: tight turns at low speed have large angles.
 SLOW = 5.0
+#: Sensors without their inputs, and ratio of a value's difference from the median of five samples to the 80 % quantile of these
+#: differences above which it is a spike: 14 deviations of normal noise. Noise and spikes are measured with at least `LEAST` samples.
+SENSORS, SPIKE, LEAST = ("yaw_rate", "lateral_acceleration"), 12.0, 100
 
 
 @np.errstate(over="ignore")  # an overflow gives an infinite error, which is no valid objective
@@ -74,6 +82,38 @@ def kinematic_differences(
     return sideslip[last] - sideslip[first] - (change[last] - change[first]), first, last
 
 
+def sensor_noises(recording: Recording) -> Floats:
+    """Return the deviations of the noise of yaw rate (rad/s) and lateral acceleration (m/s²), shape (2,), by third differences.
+
+    Third differences of a smooth signal are small; those of white noise are √20 times its deviation. The result is 0 if fewer than
+    100 of them are regular.
+    """
+    regular = np.abs(np.diff(recording.times) / recording.period - 1) < 0.1
+    even = regular[:-2] & regular[1:-1] & regular[2:]
+    if np.count_nonzero(even) < LEAST:
+        return np.zeros(2)
+    third = [np.abs(np.diff(getattr(recording, name), 3))[even] for name in SENSORS]
+    return np.asarray(np.median(third, axis=1) / 0.6745 / np.sqrt(20.0))
+
+
+def without_spikes(recording: Recording) -> Recording:
+    """Return a recording whose spikes of one or two samples of both sensors are replaced by the median of five samples.
+
+    Other samples do not change. The result is `recording` itself if nothing changes. Fewer than 100 samples are not compared.
+    """
+    changes = {}
+    for name in SENSORS if len(recording) >= LEAST else ():
+        values = getattr(recording, name)
+        padded = np.pad(values, 2, mode="edge")
+        middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
+        apart = np.abs(values - middle)
+        usual = np.quantile(apart, 0.8)
+        spikes = apart > SPIKE * usual
+        if usual > 0.0 and spikes.any():
+            changes[name] = np.where(spikes, middle, values)
+    return replace(recording, **changes) if changes else recording
+
+
 @np.errstate(over="ignore", invalid="ignore")
 def linear_contradiction(
     vehicle: Vehicle, recording: Recording, seconds: float = np.inf
@@ -83,8 +123,9 @@ def linear_contradiction(
     With linear tyres yaw rate, acceleration and steering angle of one sample determine the angle. Its changes over one
     second are compared with those of kinematics, as in :func:`kinematic_error`. The largest absolute difference shows
     tyres that slide or a wrong vehicle. The absolute mean shows a sensor with a bias or a bank of the road. It is the largest
-    one of all stretches of `seconds`, or that of the whole recording if it is shorter.
+    one of all stretches of `seconds`, or that of the whole recording if it is shorter. Spikes of a sensor are left out.
     """
+    recording = without_spikes(recording)
     front, rear = vehicle.cornering_front, vehicle.cornering_rear
     arm = (vehicle.rear * rear - vehicle.front * front) / np.maximum(recording.speed, SLOW)
     force = front * recording.steering + arm * recording.yaw_rate

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..declaration import Listed, Nested
@@ -19,15 +20,18 @@ from ..inputs import Field, FloatArray, FloatsOrNone
 from ..model import Model
 from ..specs import count_rows
 from ..verification import TOLERANCE, Check, Verification, check_tolerance
-from .checks import SLOW, kinematic_error, linear_contradiction, mean_error
+from .checks import SLOW, kinematic_error, linear_contradiction, mean_error, sensor_noises
 from .data import Recording, Vehicle
 from .plan import SideslipEstimate
 
-__all__ = ["SideslipEstimation"]
+__all__ = ["NOISIER", "SideslipEstimation"]
 
 #: Largest and mean contradiction of linear tyres (degrees) that excite the further states of ``unscented-filter``, the
 #: deviations of noise in both, and their smallest ratio to the training drives.
 EXCITED, NOISES, FACTOR = (0.5, 0.15), (8.0, 4.0), 2.0
+#: Ratio of the measured and the declared noise of a sensor above which the declaration is wrong, and factor on the measured
+#: noise: that of real cars is not normal.
+NOISIER, REAL = 2.0, 2.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -136,17 +140,20 @@ class SideslipEstimation(Model[SideslipEstimate]):
 
         The largest contradiction must exceed 0.5° and eight deviations of the acceleration's noise, or the mean one 0.15° and four
         deviations of the noise of both sensors, and twice that on training drives (``tests/benchmarks/sideslip/spins.py``).
+        If a sensor is more than twice as noisy as declared, twice its measured noise is used, and the mean is not compared.
         Otherwise, without training drives, it is ``rts-smoother``. The ratio of its error to that of the best estimator is measured by
         ``tests/benchmarks/sideslip/recommended.py``.
         """
         car, drive = self.vehicle, self.recording
         stiffness, fast = car.cornering_front + car.cornering_rear, drive.speed[drive.speed >= SLOW]
-        rate = np.hypot(
-            self.yaw_rate_noise, self.acceleration_noise / fast.mean() if fast.size else 0.0
-        )
-        noises = car.mass * self.acceleration_noise / stiffness, rate / np.sqrt(max(fast.size, 1))
+        declared, measured = self.sensor_noises, sensor_noises(drive)
+        noisy = measured > NOISIER * declared
+        noise = np.where(noisy, REAL * measured, declared)
+        rate = np.hypot(noise[0], noise[1] / fast.mean() if fast.size else 0.0)
+        noises = car.mass * noise[1] / stiffness, rate / np.sqrt(max(fast.size, 1))
         here = np.array(linear_contradiction(car, drive))
         excited = here > EXCITED + np.degrees(np.multiply(NOISES, noises))
+        excited[1] &= not noisy.any()
         if excited.any():
             # The mean over a short drive differs more from 0 than that over a long one.
             seconds = float(drive.times[-1] - drive.times[0])
@@ -154,6 +161,11 @@ class SideslipEstimation(Model[SideslipEstimate]):
             if (excited & (here > FACTOR * np.max([(0.0, 0.0), *known], axis=0))).any():
                 return "unscented-filter"
         return "smoother-grnn" if self.training else ""
+
+    @property
+    def sensor_noises(self) -> NDArray[np.float64]:
+        """Declared standard deviations of yaw rate (rad/s) and lateral acceleration (m/s²), shape (2,)."""
+        return np.array([self.yaw_rate_noise, self.acceleration_noise])
 
     @property
     def prefers_native(self) -> bool:

@@ -6,13 +6,17 @@ model, see :mod:`crosstrack.solvers.sideslip.mismatch`. The angles are not corre
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.sideslip.model import SideslipEstimation
+from ...models.sideslip.checks import sensor_noises
+from ...models.sideslip.model import NOISIER, SideslipEstimation
 from ..contract.backend import Request
 from .mismatch import mismatch
-from .native import Estimate, SideslipBackend
+from .native import Estimate, SideslipBackend, leave_spikes_out
 from .passes import FilterPass, filter_drive, smooth_drive
 
 __all__ = ["KalmanFilter", "RtsSmoother", "claim"]
@@ -68,10 +72,31 @@ class KalmanFilter(SideslipBackend):
 
 
 class RtsSmoother(SideslipBackend):
-    """Rauch-Tung-Striebel smoother. Each angle uses all samples."""
+    """Rauch-Tung-Striebel smoother. Each angle uses all samples.
+
+    Spikes of the sensors are left out. If a sensor is more than twice as noisy as declared, its measured noise is used: with a
+    smaller one the errors of the vehicle are attributed to the angle.
+    """
 
     name = "rts-smoother"
     summary = "Rauch-Tung-Striebel smoother: the Kalman filter, run back over all samples"
+
+    def revise(self, problem: SideslipEstimation) -> tuple[SideslipEstimation, str]:
+        """Return the model without spikes and with the measured noise of the sensors, if it is clearly larger."""
+        problem, remark = leave_spikes_out(problem)
+        measured, declared = sensor_noises(problem.recording), problem.sensor_noises
+        noise = np.where(measured > NOISIER * declared, measured, declared)
+        if np.array_equal(noise, declared):
+            return problem, remark
+        parts = (
+            f"the noise of the sensors looks like {noise[0]:.2g} rad/s and {noise[1]:.2g} m/s², which replaces the declared "
+            f"{declared[0]:.2g} rad/s and {declared[1]:.2g} m/s²"
+        )
+        given: dict[str, Any] = {
+            "yaw_rate_noise": float(noise[0]),
+            "acceleration_noise": float(noise[1]),
+        }
+        return replace(problem, truth=None, **given), "; ".join(filter(None, (remark, parts)))
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
         """Return the smoothed angles, or None if the run was stopped."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,13 +13,14 @@ from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
 from ...jit import clock
+from ...models.sideslip.checks import SENSORS, without_spikes
 from ...models.sideslip.data import UNKNOWN
 from ...models.sideslip.model import SideslipEstimation
 from ...models.sideslip.plan import SideslipEstimate
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
 from .gates import apply_gates, small_angle_error
 
-__all__ = ["UNKNOWN", "Estimate", "SideslipBackend"]
+__all__ = ["UNKNOWN", "Estimate", "SideslipBackend", "leave_spikes_out"]
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +53,23 @@ class Estimate(NamedTuple):
     grip_lost: tuple[tuple[float, float], ...] = ()
 
 
+def leave_spikes_out(problem: SideslipEstimation) -> tuple[SideslipEstimation, str]:
+    """Return a model without the spikes of its sensors, see :func:`without_spikes`, and a message on them."""
+    drives = problem.recording, *problem.training
+    here, *training = (without_spikes(drive) for drive in drives)
+    if all(new is old for new, old in zip((here, *training), drives, strict=True)):
+        return problem, ""
+    count = sum(
+        int(np.count_nonzero(getattr(here, name) != getattr(drives[0], name))) for name in SENSORS
+    )
+    remark = (
+        f"spikes of the sensors ({count}) are replaced by the median of five samples"
+        if count
+        else ""
+    )
+    return replace(problem, recording=here, training=tuple(training), truth=None), remark
+
+
 class SideslipBackend(Backend):
     """Base class of the estimators. A subclass implements :meth:`estimate`."""
 
@@ -69,6 +88,10 @@ class SideslipBackend(Backend):
             return "it learns from drives whose angle is known, and the model has no training"
         return ""
 
+    def revise(self, problem: SideslipEstimation) -> tuple[SideslipEstimation, str]:
+        """Return the model that is estimated, and a message on its differences: `problem` by default."""
+        return problem, ""
+
     @abstractmethod
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
         """Return the estimate, or None if the run was stopped before one was available."""
@@ -79,6 +102,7 @@ class SideslipBackend(Backend):
         if refusal:
             raise UnsupportedFormulation(f"backend {self.name!r}: {refusal}")
         begin = clock()
+        problem, remark = self.revise(problem)
         with np.errstate(all="ignore"):  # infinite and NaN angles are replaced below
             estimate = self.estimate(problem, request)
         seconds = {"solve": clock() - begin}
@@ -111,5 +135,5 @@ class SideslipBackend(Backend):
             None,
             seconds=seconds,
             statistics=statistics,
-            message="; ".join(part for part in (estimate.message, *gated.messages) if part),
+            message="; ".join(part for part in (remark, estimate.message, *gated.messages) if part),
         )

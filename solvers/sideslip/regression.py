@@ -25,7 +25,7 @@ from .learning import (
     relative_size,
     training_set,
 )
-from .native import Estimate, SideslipBackend
+from .native import Estimate, SideslipBackend, leave_spikes_out
 
 __all__ = ["Grnn", "KalmanGrnn", "LinearRegression", "SmootherGrnn"]
 
@@ -294,6 +294,10 @@ class SmootherGrnn(KalmanGrnn):
     name = "smoother-grnn"
     summary = "smoother, corrected by kernel regression on its errors on other drives"
     corrected = RtsSmoother
+
+    def revise(self, problem: SideslipEstimation) -> tuple[SideslipEstimation, str]:
+        """Return the model without spikes of the sensors."""
+        return leave_spikes_out(problem)
 
 
 class LinearRegression(_Learning):

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...models.sideslip.checks import sensor_noises
 from ...models.sideslip.data import GRAVITY, LOW_SPEED, Recording
 from ...models.sideslip.model import SideslipEstimation
 from ..run.diagnosis import Finding
@@ -237,9 +238,7 @@ def _drift(model: SideslipEstimation) -> Iterator[Remark]:
 def _noise(model: SideslipEstimation) -> Iterator[Remark]:
     """Yield remarks on noise that is large relative to the signal or differs from its declaration."""
     drive = model.recording
-    regular = np.abs(np.diff(drive.times) / drive.period - 1) < 0.1
-    even = regular[:-2] & regular[1:-1] & regular[2:]
-    for name, unit, noise in _sensors(model):
+    for (name, unit, noise), estimate in zip(_sensors(model), sensor_noises(drive), strict=True):
         values = getattr(drive, name)
         signal = float(np.sqrt(np.mean(values[drive.moving] ** 2)))
         if signal < 3 * noise:
@@ -248,12 +247,9 @@ def _noise(model: SideslipEstimation) -> Iterator[Remark]:
                 "drive hardly excites what is to be estimated",
                 name, signal=signal, declared=noise,
             )  # fmt: skip
-        # Third differences of a smooth signal are small; those of white noise are √20 times its deviation.
-        third = np.abs(np.diff(values, 3)[even])
-        estimate = float(np.median(third)) / 0.6745 / math.sqrt(20.0) if third.size >= 100 else 0.0
         if estimate and not 1 / _NOISE < estimate / noise < _NOISE:
             yield asks(
                 f"the noise of {name} looks like {estimate:.2g} {unit}, where {noise:.2g} is declared: claimed "
                 "deviations follow what is declared",
-                name, heard=estimate, declared=noise,
+                name, heard=float(estimate), declared=noise,
             )  # fmt: skip

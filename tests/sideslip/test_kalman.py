@@ -27,8 +27,9 @@ from crosstrack.models.sideslip import Recording, SideslipEstimate, SideslipEsti
 from crosstrack.models.sideslip.dynamics import linearise
 from crosstrack.solvers.contract.backend import Request, Termination
 from crosstrack.solvers.contract.control import Control
+from crosstrack.solvers.contract.selection import recommended
 from crosstrack.solvers.sideslip import kalman_kernels, mismatch as mismatches, passes
-from crosstrack.solvers.sideslip.kalman import claim
+from crosstrack.solvers.sideslip.kalman import KalmanFilter, RtsSmoother, claim
 from crosstrack.solvers.sideslip.mismatch import mismatch
 from crosstrack.solvers.sideslip.passes import smooth_drive
 
@@ -297,3 +298,41 @@ def test_kernels_mean_the_same_interpreted(
     monkeypatch.setattr(mismatches, "fit_errors", mismatches.fit_errors.py_func)
     for mine, other in zip(everything(), compiled, strict=True):
         np.testing.assert_allclose(mine, other, rtol=1e-9, atol=1e-12)
+
+
+# -- wrong declarations of the sensors ---------------------------------------------------------------
+
+
+def spoilt(spikes: int, drivers: int = 0) -> SideslipEstimation:
+    """Return a drive whose acceleration has spikes of 50 m/s²."""
+    model = generate(drivers=drivers)
+    side = model.recording.lateral_acceleration.copy()
+    side[np.linspace(30, 300, spikes).astype(int)] += 50.0
+    drive = dataclasses.replace(model.recording, lateral_acceleration=side)
+    return dataclasses.replace(model, recording=drive)
+
+
+@pytest.mark.parametrize(("drivers", "name"), [(0, "rts-smoother"), (3, "smoother-grnn")])
+def test_spikes_change_neither_the_choice_nor_the_angle(drivers: int, name: str) -> None:
+    model, calm = spoilt(4, drivers), generate(drivers=drivers)
+    backend = recommended(model)
+    assert backend.name == name
+    found, usual = backend.run(model.blinded(), Request()), backend.run(calm.blinded(), Request())
+    assert "spikes of the sensors (4) are replaced" in found.message
+    assert "spikes" not in usual.message
+    error, least = (model.verify(entry.point).objective for entry in (found, usual))
+    assert error < 1.1 * least
+    assert model.coverage(found.point) >= 0.9
+
+
+def test_the_smoother_uses_the_noise_that_it_measures() -> None:
+    model = generate(drivers=0, yaw_rate_noise=0.02, acceleration_noise=1.0)
+    small = dataclasses.replace(model, yaw_rate_noise=0.002, acceleration_noise=0.05)
+    right, found = answer(model, RtsSmoother), answer(small, RtsSmoother)
+    assert "noise of the sensors looks like" in found.message
+    assert "noise of the sensors" not in right.message
+    error, least = (model.verify(entry.point).objective for entry in (found, right))
+    assert error < 1.2 * least < 0.5 * small.verify(answer(small, KalmanFilter).point).objective
+    assert model.coverage(found.point) >= 0.9
+    # Such noise alone does not show sliding tyres.
+    assert recommended(small).name == "rts-smoother"

@@ -8,7 +8,8 @@ from sideslip import stanford
 
 import crosstrack as ct
 from crosstrack.models.sideslip import identify
-from crosstrack.solvers import Request, find_backend
+from crosstrack.solvers import Request
+from crosstrack.solvers.contract.selection import recommended
 
 pytestmark = pytest.mark.skipif(
     not stanford.FILE.exists(), reason="the drive lies in ../shared/data/sideslip, which is absent"
@@ -21,8 +22,8 @@ def drive():
 
 
 def measured(model):
-    """Return error and coverage of the backend that the model prefers."""
-    backend = find_backend(model.preferred_backend)
+    """Return error and coverage of the recommended backend."""
+    backend = recommended(model)
     plan = backend.run(model.blinded(), Request(options=backend.checked_options({}))).point
     return model.verify(plan).objective, model.coverage(plan)
 
@@ -52,6 +53,15 @@ def test_error_and_coverage_in_cross_validation(drive):
     error, coverage = np.mean(found, axis=0)
     assert error <= 0.30
     assert 0.90 <= coverage <= 0.98
+
+
+@pytest.mark.parametrize("vehicle", [stanford.GUESS, stanford.OTHER], ids=["guess", "other car"])
+def test_error_and_coverage_without_training_drives(drive, vehicle):
+    error, coverage = measured(
+        stanford.model(stanford.cut(drive, len(drive) // 2, len(drive)), [], vehicle)
+    )
+    assert error <= 0.45
+    assert coverage >= 0.90
 
 
 @pytest.mark.slow
