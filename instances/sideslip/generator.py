@@ -39,32 +39,18 @@ _DIGITS = 9
 
 
 def generate(
-    road: str = "lane-change",
-    *,
-    seed: int = 0,
-    driver: Driver | Mapping[str, Any] | None = None,
-    drivers: int = 15,
-    design: str = "uniform",
-    vehicle: Vehicle | Mapping[str, Any] = VEHICLE,
-    tyre: str = "linear",
-    believed_tyre: str | None = None,
-    mismatch: Mapping[str, float] | None = None,
-    friction: float = 0.9,
-    later_friction: float | None = None,
+    road: str = "lane-change", *, seed: int = 0,
+    driver: Driver | Mapping[str, Any] | None = None, drivers: int = 15, design: str = "uniform",
+    vehicle: Vehicle | Mapping[str, Any] = VEHICLE, tyre: str = "linear",
+    believed_tyre: str | None = None, mismatch: Mapping[str, float] | None = None,
+    friction: float = 0.9, later_friction: float | None = None,
     training_friction: float | None = None,
-    speed: float | Sequence[Sequence[float]] | None = None,
-    samples: int | None = None,
-    period: float = 0.05,
-    disturbance: ArrayLike = (0.002, 0.01),
-    yaw_rate_noise: float = 0.002,
-    acceleration_noise: float = 0.05,
-    decibels: float | None = None,
-    bias: ArrayLike = (0.0, 0.0),
-    missing: float = 0.0,
-    stale: float = 0.0,
-    known: bool = True,
+    speed: float | Sequence[Sequence[float]] | None = None, samples: int | None = None,
+    period: float = 0.05, disturbance: ArrayLike = (0.002, 0.01), yaw_rate_noise: float = 0.002,
+    acceleration_noise: float = 0.05, decibels: float | None = None,
+    bias: ArrayLike = (0.0, 0.0), missing: float = 0.0, stale: float = 0.0, known: bool = True,
     name: str = "",
-) -> SideslipEstimation:
+) -> SideslipEstimation:  # fmt: skip
     """Return the model of a simulated drive.
 
     Parameters

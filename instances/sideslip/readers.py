@@ -56,11 +56,9 @@ _HEADER = (
 
 
 def read_recording(
-    path: str | os.PathLike[str],
-    *,
-    steering_ratio: float | None = None,
+    path: str | os.PathLike[str], *, steering_ratio: float | None = None,
     **options: Unpack[TableOptions],
-) -> Recording:
+) -> Recording:  # fmt: skip
     """Return the drive in a CSV or Excel file.
 
     The first time is arbitrary. Repeated lines are dropped with a warning in the log. Signs are those of

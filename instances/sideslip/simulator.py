@@ -57,14 +57,9 @@ class Drive(NamedTuple):
 
 
 def simulate(
-    vehicle: Vehicle,
-    road: Road,
-    driver: Driver,
-    speed: Floats,
-    friction: Floats,
-    shocks: Floats,
-    period: float,
-) -> Drive:
+    vehicle: Vehicle, road: Road, driver: Driver, speed: Floats, friction: Floats,
+    shocks: Floats, period: float,
+) -> Drive:  # fmt: skip
     """Simulate a drive along a road. Position, angles and rates are zero at the start.
 
     `speed`, shape (n,), is the forward speed at each sample, m/s, interpolated linearly; a vehicle at

@@ -165,13 +165,10 @@ def rates(beta: float, omega: float, u: float, delta: float, p: Floats) -> Numbe
     front, rear, c, d = axle_forces(beta, omega, u, delta, p)
     turn = p[3] * d - p[2] * c
     return (
-        (front + rear) / (p[0] * v) - omega,
-        (p[2] * front - p[3] * rear) / p[1],
-        -(c + d) / (p[0] * v),
-        turn / (p[0] * v * v) - 1.0,
-        turn / p[1],
+        (front + rear) / (p[0] * v) - omega, (p[2] * front - p[3] * rear) / p[1],
+        -(c + d) / (p[0] * v), turn / (p[0] * v * v) - 1.0, turn / p[1],
         -(p[2] * p[2] * c + p[3] * p[3] * d) / (p[1] * v),
-    )
+    )  # fmt: skip
 
 
 @kernel
@@ -220,15 +217,9 @@ def flow(a: float, b: float, c: float, d: float) -> Numbers8:
 
 @kernel
 def advance(
-    beta: float,
-    omega: float,
-    dt: float,
-    u: float,
-    du: float,
-    delta: float,
-    ddelta: float,
+    beta: float, omega: float, dt: float, u: float, du: float, delta: float, ddelta: float,
     p: Floats,
-) -> Numbers6:
+) -> Numbers6:  # fmt: skip
     """Return the noise-free state after `dt`, and its Jacobian by the current state, row by row.
 
     Speed and steering change by `du` and `ddelta` and are interpolated linearly. Each step of at most

@@ -80,14 +80,9 @@ def least_squares_program(stretch: Stretch, name: str) -> QuadraticProgram:
     late = np.arange(states, size)
     return QuadraticProgram(
         hessian=sp.csr_array((np.ones(errors), (late, late)), shape=(size, size)),
-        cost=np.zeros(size),
-        matrix=sp.csr_array(entries, shape=(errors, size)),
-        row_lower=right,
-        row_upper=right,
-        column_lower=-free,
-        column_upper=free,
-        name=name,
-    )
+        cost=np.zeros(size), matrix=sp.csr_array(entries, shape=(errors, size)), row_lower=right,
+        row_upper=right, column_lower=-free, column_upper=free, name=name,
+    )  # fmt: skip
 
 
 def _label(program: QuadraticProgram, stretch: Stretch) -> QuadraticProgram:
@@ -188,17 +183,11 @@ class Condensed(FullInformation):
         hessian = sp.csr_array(errors.T @ errors)
         free = np.full(count, np.inf)
         return QuadraticProgram(
-            hessian=(hessian + hessian.T) / 2,
-            cost=-(errors.T @ right),
-            matrix=sp.csr_array((0, count)),
-            row_lower=np.empty(0),
-            row_upper=np.empty(0),
-            column_lower=-free,
-            column_upper=free,
-            offset=float(right @ right) / 2,
-            columns=full.columns[:1],
-            name=full.name,
-        )
+            hessian=(hessian + hessian.T) / 2, cost=-(errors.T @ right),
+            matrix=sp.csr_array((0, count)), row_lower=np.empty(0), row_upper=np.empty(0),
+            column_lower=-free, column_upper=free, offset=float(right @ right) / 2,
+            columns=full.columns[:1], name=full.name,
+        )  # fmt: skip
 
     def encode(self, plan: SideslipEstimate) -> Floats:
         """Return the column vector of an estimate, with the measured yaw rate."""

@@ -93,11 +93,9 @@ class Identification(Estimate):
 
 @np.errstate(all="ignore")  # prediction errors that overflow are bounded
 def identify(
-    model: SideslipEstimation,
-    names: Sequence[str] | None = None,
-    *,
+    model: SideslipEstimation, names: Sequence[str] | None = None, *,
     prior: Mapping[str, float] | None = None,
-) -> Identification:
+) -> Identification:  # fmt: skip
     """Return parameters of the vehicle of `model`, estimated from its training drives, with covariance.
 
     These sensors measure no force: with linear tyres, mass, yaw inertia and both stiffnesses are

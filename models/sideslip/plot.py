@@ -74,14 +74,10 @@ class _Samples:
 
 @kit.documented
 def draw(
-    model: SideslipEstimation,
-    plan: SideslipEstimate | None = None,
-    *,
-    others: Mapping[str, Any] | None = None,
-    tolerance: float = kit.TOLERANCE,
-    title: str | None = None,
-    size: tuple[float, float] | None = None,
-) -> kit.Figure:
+    model: SideslipEstimation, plan: SideslipEstimate | None = None, *,
+    others: Mapping[str, Any] | None = None, tolerance: float = kit.TOLERANCE,
+    title: str | None = None, size: tuple[float, float] | None = None,
+) -> kit.Figure:  # fmt: skip
     """Draw the estimate `plan` over time, with the truth, if it is known, and the measurements.
 
     The angle is undefined below 1 m/s: its curves have gaps there, and the time is

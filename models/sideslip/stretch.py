@@ -39,14 +39,11 @@ class Stretch:
         """Return the stretch of all samples of `model` with their linearised model."""
         drive = model.recording
         return cls(
-            linear,
-            np.stack([drive.yaw_rate, drive.lateral_acceleration], axis=1),
-            drive.moving,
+            linear, np.stack([drive.yaw_rate, drive.lateral_acceleration], axis=1), drive.moving,
             np.array([model.yaw_rate_noise, model.acceleration_noise]),
-            model.disturbance * np.sqrt(np.diff(drive.times))[:, None],
-            model.initial,
+            model.disturbance * np.sqrt(np.diff(drive.times))[:, None], model.initial,
             np.diag(model.initial_deviation),
-        )
+        )  # fmt: skip
 
     def part(
         self, first: int, last: int, mean: Floats, root: Floats, linear: Linearised | None = None
@@ -59,11 +56,9 @@ class Stretch:
         step, shift, slope, level = self.linear
         if linear is None:
             linear = Linearised(
-                step[first:last],
-                shift[first:last],
-                slope[first : last + 1],
+                step[first:last], shift[first:last], slope[first : last + 1],
                 level[first : last + 1],
-            )
+            )  # fmt: skip
         return Stretch(
             linear, self.measured[first : last + 1], self.used[first : last + 1], self.noise,
             self.disturbance[first:last], mean, root,

@@ -46,13 +46,8 @@ def diagnose_sideslip(model: SideslipEstimation, time_limit: float | None = None
         Not used.
     """
     with np.errstate(all="ignore"):  # an overflow gives no finding
-        result = [
-            *signal_remarks(model),
-            *_stability(model),
-            *_tyres(model),
-            *_observability(model),
-            *_training(model),
-        ]
+        result = [*signal_remarks(model), *_stability(model), *_tyres(model)]
+        result += [*_observability(model), *_training(model)]
     asking = [entry.finding for entry in result if entry.asks]
     others = [entry.finding for entry in result if not entry.asks]
     odd = {0: "nothing looks odd", 1: "1 finding asks for a look"}.get(
@@ -158,12 +153,8 @@ def _tyres(model: SideslipEstimation) -> Iterator[Remark]:
         clause += ", so that forces say little of the angle" if left < _SLIDING else ""
     yield (asks if share or left < _SLIDING else tells)(
         f"{reached}, {clause}",
-        "vehicle.friction",
-        greatest=most,
-        allowed=limit,
-        left=left,
-        share=share,
-    )
+        "vehicle.friction", greatest=most, allowed=limit, left=left, share=share,
+    )  # fmt: skip
 
 
 def _observability(model: SideslipEstimation) -> Iterator[Remark]:

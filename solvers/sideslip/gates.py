@@ -105,13 +105,9 @@ class Gated(NamedTuple):
 
 
 def apply_gates(
-    problem: SideslipEstimation,
-    sideslip: Floats,
-    deviation: Floats,
-    spread: float = 0.0,
-    *,
+    problem: SideslipEstimation, sideslip: Floats, deviation: Floats, spread: float = 0.0, *,
     history: bool = False,
-) -> Gated:
+) -> Gated:  # fmt: skip
     """Return the deviation (rad) that an estimate may claim, and why it is wider. The model's truth is not read.
 
     `spread` is the deviation (rad) of the angles, or of the errors of a filter, that were learned. With

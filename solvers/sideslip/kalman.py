@@ -28,13 +28,9 @@ _WRONG = 2.0
 
 
 def claim(
-    problem: SideslipEstimation,
-    filter_pass: FilterPass,
-    sideslip: Floats,
-    variance: Floats,
-    *,
+    problem: SideslipEstimation, filter_pass: FilterPass, sideslip: Floats, variance: Floats, *,
     ahead: bool = False,
-) -> Estimate:
+) -> Estimate:  # fmt: skip
     """Return an estimate whose claimed deviation accounts for the filter's innovations.
 
     `variance` (rad²) is that of the angle (rad) according to the model. `ahead` is true if the estimate

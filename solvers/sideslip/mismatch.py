@@ -67,21 +67,11 @@ def mismatch(
     n, count = len(drive), len(ERRORS)
     marks, terms = np.empty((n, count)), np.empty((n, 2 * count + 2))
     leave_marks(
-        *(drive.times, drive.speed, drive.steering, drive.moving, parameters(problem.vehicle)),
-        *(
-            noise_variances(problem),
-            filter_pass.predicted,
-            filter_pass.filtered,
-            filter_pass.filtered_covariance,
-        ),
-        *(
-            filter_pass.innovations,
-            filter_pass.innovation_covariance,
-            filter_pass.model.step,
-            filter_pass.model.slope,
-        ),
-        *(np.zeros((2, count)), marks, terms, np.empty((2, count))),
-    )
+        drive.times, drive.speed, drive.steering, drive.moving, parameters(problem.vehicle),
+        noise_variances(problem), filter_pass.predicted, filter_pass.filtered,
+        filter_pass.filtered_covariance, filter_pass.innovations, filter_pass.innovation_covariance,
+        filter_pass.model.step, filter_pass.model.slope, np.zeros((2, count)), marks, terms, np.empty((2, count)),
+    )  # fmt: skip
     marks = np.where(np.isfinite(marks), marks, 0.0)
     terms = np.where(np.isfinite(terms), terms, 0.0)
     sums = np.empty_like(terms)

@@ -129,11 +129,7 @@ class SideslipBackend(Backend):
             **{name: count for name, count in counts.items() if count},
         }
         return Answer(
-            Termination.FEASIBLE,
-            request.control.limit,
-            plan,
-            None,
-            seconds=seconds,
+            Termination.FEASIBLE, request.control.limit, plan, None, seconds=seconds,
             statistics=statistics,
             message="; ".join(part for part in (remark, estimate.message, *gated.messages) if part),
-        )
+        )  # fmt: skip

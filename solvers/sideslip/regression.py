@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...models.sideslip.checks import kinematic_differences, kinematic_error
+from ...models.sideslip.checks import kinematic_differences, kinematic_error, sensor_noises
 from ...models.sideslip.data import LEAST, Recording
 from ...models.sideslip.model import SideslipEstimation
 from ..contract.backend import Request
@@ -177,24 +177,15 @@ class KalmanGrnn(_Learning):
         )
         unsure = np.maximum(here.deviation / usual, 1.0)
         return Estimate(
-            here.sideslip + near * error,
-            deviation * unsure,
-            describe_learning(learned),
-            here.message,
-            learned.spread,
-            history=True,
-        )
+            here.sideslip + near * error, deviation * unsure, describe_learning(learned),
+            here.message, learned.spread, history=True,
+        )  # fmt: skip
 
 
 def _noise_ratio(problem: SideslipEstimation) -> float:
-    """Return the largest ratio of a sensor's noise to that in training, by median absolute third differences."""
-
-    def noise(drive: Recording) -> list[float]:
-        sensors = drive.yaw_rate, drive.lateral_acceleration
-        return [float(np.median(np.abs(np.diff(values, 3)))) for values in sensors]
-
-    usual = np.median([noise(drive) for drive in problem.training], axis=0)
-    return float((noise(problem.recording) / np.maximum(usual, 1e-300)).max())
+    """Return the largest ratio of a sensor's noise to the median of that on the training drives."""
+    usual = np.median([sensor_noises(drive) for drive in problem.training], axis=0)
+    return float((sensor_noises(problem.recording) / np.maximum(usual, 1e-300)).max())
 
 
 def _correct_by_curve(
@@ -317,11 +308,9 @@ def _fit_line(problem: SideslipEstimation, window: Window) -> Estimate:
 
 
 def widen_by_kinematics(
-    problem: SideslipEstimation,
-    angle: Floats,
-    deviation: Floats,
+    problem: SideslipEstimation, angle: Floats, deviation: Floats,
     learned: KernelRegression | StraightLine,
-) -> Estimate:
+) -> Estimate:  # fmt: skip
     """Return an estimate with a wider deviation everywhere if kinematics contradicts it on average.
 
     Yaw rate and acceleration determine the change of the angle for any tyre. The mean difference of the
