@@ -224,7 +224,7 @@ def find_contradictions(problem: SideslipEstimation, sideslip: Floats, deviation
         drive.times, drive.speed, drive.yaw_rate, drive.lateral_acceleration,
         np.ascontiguousarray(sideslip, dtype=float), np.ascontiguousarray(deviation, dtype=float), track,
     )  # fmt: skip
-    return track.differences
+    return np.asarray(track.differences)
 
 
 Track = namedtuple(
