@@ -8,14 +8,19 @@ then remains in its cell. An obstacle that enters the cell of a waiting vehicle 
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
 from .plan import LETTERS, MOVES
-from .scenes import Corners, Scenes, actions_of
+from .scenes import Corners, actions_of
 
-__all__ = ["FAR", "descend", "fewest_run", "is_open", "meets", "obstacle_tracks", "spread"]
+if TYPE_CHECKING:
+    from .model import UnknownGridNavigation
+
+__all__ = ["FAR", "Grid", "descend", "fewest_run", "is_open", "meets", "obstacle_tracks", "spread"]
 
 Bytes = NDArray[np.uint8]
 Cells = NDArray[np.int8]
@@ -27,7 +32,7 @@ Truths = NDArray[np.bool_]
 FAR = 2**30
 
 
-def obstacle_tracks(model: Scenes) -> Ints:
+def obstacle_tracks(model: UnknownGridNavigation) -> Ints:
     """Return the cells of the moving obstacles after 0 … `steps` steps, shape (k, moving, steps + 1, 2).
 
     On a declared track of n cells an obstacle moves to and fro. Otherwise it begins in a random free cell other
@@ -79,23 +84,33 @@ def meets(before: Ints, after: Ints, cells: Ints, to: Ints) -> Truths:
     return np.asarray((same_end | same_middle).any(axis=1))
 
 
-@kernel
-def is_open(walls: Bytes, width: int, cell: int, action: int, move: int, sides: int) -> bool:
+class Grid(NamedTuple):
+    """Map for searches: flat, with a frame of blocked cells.
+
+    `walls` is nonzero for blocked cells, and `width` the number of cells per row. `moves` are the changes of the cell
+    number by each action, and `sides` is the number of blocked cells that a diagonal step may pass.
+    """
+
+    walls: Bytes
+    width: int
+    moves: Ints
+    sides: int
+
+
+@kernel(allocates=False)
+def is_open(grid: Grid, cell: int, action: int) -> bool:
     """Return whether a step leads to a free cell, with at most `sides` blocked cells beside a diagonal."""
+    walls, move = grid.walls, grid.moves[action]
     if walls[cell + move] != 0:
         return False
-    down = -width if action < 6 else width
-    return bool(action < 4 or walls[cell + down] + walls[cell + move - down] <= sides)
+    down = -grid.width if action < 6 else grid.width
+    return bool(action < 4 or walls[cell + down] + walls[cell + move - down] <= grid.sides)
 
 
 @kernel(interpretable=True)
-def spread(walls: Bytes, width: int, moves: Ints, sides: int, goals: Ints) -> Ints:
-    """Return the steps from all cells to the nearest of the cells `goals`, breadth first, or :data:`FAR`.
-
-    `walls` is a flat map with a frame of blocked cells, and `moves` are the changes of the cell number by each
-    action. `sides` is the number of blocked cells that a diagonal step may pass.
-    """
-    steps, queue = np.full(walls.size, FAR), np.empty(walls.size, np.int64)
+def spread(grid: Grid, goals: Ints) -> Ints:
+    """Return the steps from all cells to the nearest of the cells `goals`, breadth first, or :data:`FAR`."""
+    steps, queue = np.full(grid.walls.size, FAR), np.empty(grid.walls.size, np.int64)
     count = 0
     for cell in goals:
         steps[cell], queue[count] = 0, cell
@@ -104,47 +119,43 @@ def spread(walls: Bytes, width: int, moves: Ints, sides: int, goals: Ints) -> In
     while at < count:
         cell = queue[at]
         at += 1
-        for action in range(len(moves)):
-            to = cell + moves[action]
-            if steps[to] == FAR and is_open(walls, width, cell, action, moves[action], sides):
+        for action in range(len(grid.moves)):
+            to = cell + grid.moves[action]
+            if steps[to] == FAR and is_open(grid, cell, action):
                 steps[to], queue[count] = steps[cell] + 1, to
                 count += 1
     return steps
 
 
-@kernel(interpretable=True)
-def descend(walls: Bytes, width: int, moves: Ints, sides: int, steps: Steps, cell: int) -> int:
+@kernel(interpretable=True, allocates=False)
+def descend(grid: Grid, steps: Steps, cell: int) -> int:
     """Return the action to the neighbour with the fewest steps, the first of several, or -1."""
     best, chosen = FAR, -1
-    for action in range(len(moves)):
-        to = cell + moves[action]
-        if steps[to] < best and is_open(walls, width, cell, action, moves[action], sides):
+    for action in range(len(grid.moves)):
+        to = cell + grid.moves[action]
+        if steps[to] < best and is_open(grid, cell, action):
             best, chosen = steps[to], action
     return chosen
 
 
 @kernel(interpretable=True)
-def spread_in_time(
-    walls: Bytes, width: int, moves: Ints, sides: int, tracks: Ints, start: int, target: int,
-    taken: Cells,
-) -> int:  # fmt: skip
+def spread_in_time(grid: Grid, tracks: Ints, start: int, target: int, taken: Cells) -> int:
     """Return the fewest steps to the target past moving obstacles, or -1.
 
     The last of `moves` waits. `tracks`, shape (n + 1, moving), has the cells of the obstacles, in a map of twice
     the width. `taken`, shape (n, cells), is filled with the latest action to each cell after each step, of the
     runs with the fewest collisions.
     """
-    hits = np.full(walls.size, FAR)
+    width, moves, size = grid.width, grid.moves, grid.walls.size
+    hits = np.full(size, FAR)
     hits[start] = 0
     for t in range(len(taken)):
-        after = np.full(walls.size, FAR)
-        for cell in range(walls.size):
+        after = np.full(size, FAR)
+        for cell in range(size):
             for action in range(len(moves) if hits[cell] < FAR else 0):
                 to = cell + moves[action]
                 waits = moves[action] == 0
-                collides = not waits and not is_open(
-                    walls, width, cell, action, moves[action], sides
-                )
+                collides = not waits and not is_open(grid, cell, action)
                 here, there = cell + cell // width * width, to + to // width * width
                 for m in range(tracks.shape[1]):
                     same_middle = tracks[t, m] + tracks[t + 1, m] == here + there
@@ -158,29 +169,30 @@ def spread_in_time(
     return -1
 
 
-def fewest_run(model: Scenes, scene: int, tracks: Ints | None = None) -> str | None:
+def fewest_run(model: UnknownGridNavigation, scene: int, tracks: Ints | None = None) -> str | None:
     """Return the actions of a run with the fewest steps, and the fewest collisions of these, or None.
 
     With moving obstacles, the search covers all cells after each number of steps up to the limit on the steps.
     `tracks` are those of the scene, shape (moving, steps + 1, 2). None ignores the moving obstacles.
     """
     walls = np.pad(model.blocked[scene], 1, constant_values=True).astype(np.uint8)
-    width, sides, flat = walls.shape[1], list(Corners).index(model.corners), walls.reshape(-1)
+    width, flat = walls.shape[1], walls.reshape(-1)
     actions = [LETTERS.index(letter) for letter in actions_of(model)]
     moves = np.array(MOVES)[actions] @ [width, 1]
+    grid = Grid(flat, width, moves, list(Corners).index(model.corners))
     cell, target = (int((end[scene] + 1) @ [width, 1]) for end in (model.starts, model.targets))
     letters = []
     if tracks is None or not model.moving:
-        steps = spread(flat, width, moves, sides, np.array([target]))
+        steps = spread(grid, np.array([target]))
         if steps[cell] == FAR:
             return None
         while cell != target:
-            letters.append(descend(flat, width, moves, sides, steps, cell))
+            letters.append(descend(grid, steps, cell))
             cell += moves[letters[-1]]
     else:
         taken = np.empty((model.steps, flat.size), np.int8)
         doubled = np.ascontiguousarray(((tracks + 1) @ [2 * width, 1]).T)
-        count = spread_in_time(flat, width, moves, sides, doubled, cell, target, taken)
+        count = spread_in_time(grid, doubled, cell, target, taken)
         if count < 0:
             return None
         for t in range(count)[::-1]:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from .scenes import Scenes
+
+if TYPE_CHECKING:
+    from .model import UnknownGridNavigation
 
 __all__ = ["BLOCKED", "FREE", "TARGET", "UNKNOWN", "in_sight", "sense"]
 
@@ -50,8 +54,8 @@ def in_sight(blocked: Truths, seen: Truths) -> None:
 
 
 def sense(
-    model: Scenes, others: Ints, scenes: Ints, taken: Ints, vehicles: Ints, corners: Ints, views: Cells,
-    exact: bool = False,
+    model: UnknownGridNavigation, others: Ints, scenes: Ints, taken: Ints, vehicles: Ints, corners: Ints,
+    views: Cells, exact: bool = False,
 ) -> Cells:  # fmt: skip
     """Return the readings of the sensor in the views of n scenes, shape (n, rows, columns).
 

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from .camera import crop
 from .moving import obstacle_tracks
-from .scenes import Aspect, Hover, Scenes, aspects_of
+from .scenes import Aspect, Hover, aspects_of
 from .sensing import BLOCKED, FREE, TARGET, UNKNOWN, sense
+
+if TYPE_CHECKING:
+    from .model import UnknownGridNavigation
 
 __all__ = ["first_seen", "readings", "uav_cells", "wrong_readings"]
 
@@ -18,7 +23,7 @@ _HIDING = frozenset({Aspect.OCCLUSION, Aspect.MOVING})
 
 
 def readings(
-    model: Scenes, scene: int, positions: Ints, centres: Ints, others: Ints | None = None,
+    model: UnknownGridNavigation, scene: int, positions: Ints, centres: Ints, others: Ints | None = None,
     first: int = 0, exact: bool = False,
 ) -> Cells:  # fmt: skip
     """Return the readings of the views around `centres`, shape (n, rows, columns).
@@ -40,7 +45,7 @@ def readings(
 
 
 def wrong_readings(
-    model: Scenes, scene: int, position: Ints, centre: Ints, others: Ints, step: int
+    model: UnknownGridNavigation, scene: int, position: Ints, centre: Ints, others: Ints, step: int
 ) -> Ints:
     """Return rows and columns of the cells that are read wrongly after `step` actions, shape (n, 2).
 
@@ -56,7 +61,7 @@ def wrong_readings(
     return np.asarray(np.argwhere(read != exact) + centre - model.view // 2)
 
 
-def uav_cells(model: Scenes, scene: int, positions: Ints) -> Ints:
+def uav_cells(model: UnknownGridNavigation, scene: int, positions: Ints) -> Ints:
     """Return the cells below the UAV, which follows the vehicle or hovers, shape (n, 2).
 
     `positions` are the cells of the vehicle before and after its actions. The maps of `model` are only used
@@ -72,7 +77,7 @@ def uav_cells(model: Scenes, scene: int, positions: Ints) -> Ints:
     return cells
 
 
-def first_seen(model: Scenes, scene: int, positions: Ints, middles: Ints) -> Ints:
+def first_seen(model: UnknownGridNavigation, scene: int, positions: Ints, middles: Ints) -> Ints:
     """Return the number of actions before each cell was first seen, shape (rows, columns).
 
     The entry of a cell that was never seen is the number of positions. The parameters are those and the result

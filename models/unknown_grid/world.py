@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,11 @@ from ..fields import show
 from .camera import PIXELS
 from .moving import meets, obstacle_tracks
 from .plan import LETTERS, MOVES, NavigationRuns
-from .scenes import Corners, Hover, Scenes, actions_of, aspects_of
+from .scenes import Corners, Hover, actions_of, aspects_of
 from .sensing import BLOCKED, FREE, TARGET, UNKNOWN, sense
+
+if TYPE_CHECKING:
+    from .model import UnknownGridNavigation
 
 __all__ = [
     "BLOCKED",
@@ -69,7 +72,7 @@ class Looks(NamedTuple):
     view: Floats
 
     @classmethod
-    def read(cls, problem: Scenes, scenes: Ints, answers: Floats) -> Looks:
+    def read(cls, problem: UnknownGridNavigation, scenes: Ints, answers: Floats) -> Looks:
         """Return the observations in the answers of a :class:`World`."""
         head = answers[:, :_HEAD].astype(np.int64)
         positions, corners = head[:, :2].copy(), head[:, 2:4].copy()
@@ -87,11 +90,11 @@ class World:
 
     Parameters
     ----------
-    problem : Scenes
+    problem : UnknownGridNavigation
         Model with its true maps.
     """
 
-    def __init__(self, problem: Scenes) -> None:
+    def __init__(self, problem: UnknownGridNavigation) -> None:
         self.problem = problem
         count, (rows, columns) = len(problem.starts), problem.shape.tolist()
         #: States of the runs: ``GOING``, ``REACHED`` or ``OUT_OF_STEPS``.

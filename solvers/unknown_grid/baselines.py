@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...jit import kernel
 from ...models.unknown_grid.model import UnknownGridNavigation
-from ...models.unknown_grid.moving import FAR, descend, spread
+from ...models.unknown_grid.moving import FAR, Grid, descend, spread
 from ...models.unknown_grid.world import BLOCKED, Looks
 from ..contract.backend import Request
 from ..contract.option import Option
@@ -111,10 +111,11 @@ def choose(
     for i in range(rows):
         for j in range(columns):
             walls[(i + 1) * width + j + 1] = 1 if obstacles[i, j] else 0
-    at, moves = (row + 1) * width + column + 1, np.array((-width, width, -1, 1))
+    at = (row + 1) * width + column + 1
+    grid = Grid(walls, width, np.array((-width, width, -1, 1)), 0)
     steps = np.zeros(walls.size, np.int64)
     if reachable:
-        steps = spread(walls, width, moves, 0, np.array([at]))
+        steps = spread(grid, np.array([at]))
     goal, least = at, -1
     for i in range(rows):
         for j in range(columns):
@@ -123,15 +124,15 @@ def choose(
             if walls[near] == 0 and steps[near] < FAR and (least < 0 or away < least):
                 goal, least = near, away
     cell[0], cell[1] = goal // width - 1 + corner[0], goal % width - 1 + corner[1]
-    steps = spread(walls, width, moves, 0, np.array([goal]))
+    steps = spread(grid, np.array([goal]))
     count = 0
     while at != goal:
-        action = descend(walls, width, moves, 0, steps, at)
+        action = descend(grid, steps, at)
         if action < 0:
             break
         sequence[count] = action
         count += 1
-        at += moves[action]
+        at += grid.moves[action]
     return count
 
 

@@ -9,17 +9,18 @@ Source: S. Koenig and M. Likhachev, "D* Lite", AAAI 2002, the optimised version.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-from ...models.unknown_grid.moving import FAR, is_open
+from ...models.unknown_grid.moving import FAR, Grid, is_open
 
-__all__ = ["STUCK", "repair", "search"]
+__all__ = ["STUCK", "Search", "repair", "search"]
 
 Ints = NDArray[np.int64]
 Steps = NDArray[np.int32]
-Bytes = NDArray[np.uint8]
 Flag = NDArray[np.int8]
 
 #: Action of :func:`descend` if no path exists.
@@ -30,7 +31,23 @@ _COUNT, _MOVED, _LAST = 0, 1, 2
 _SHIFT = 31
 
 
-@kernel
+class Search(NamedTuple):
+    """State of D* Lite between calls.
+
+    `g` and `rhs` are the steps to the target and their one-step lookahead values, initially ``FAR``. `heap` is the
+    binary heap of the inconsistent cells, whose g and rhs differ, `where` the index of each cell in it plus 1, initially
+    0, and `keys` their keys. `tally` is initially ``(0, 0, start)``.
+    """
+
+    g: Steps
+    rhs: Steps
+    heap: Ints
+    where: Steps
+    keys: Ints
+    tally: Ints
+
+
+@kernel(allocates=False)
 def apart(width: int, one: int, other: int, diagonal: bool = False) -> int:
     """Return the Manhattan distance of two cells, with diagonal steps the Chebyshev distance."""
     down = abs(one // width - other // width)
@@ -39,7 +56,7 @@ def apart(width: int, one: int, other: int, diagonal: bool = False) -> int:
 
 
 @kernel(interpretable=True)
-def search(walls: Bytes, width: int, start: int, target: int, flag: Flag) -> Steps:
+def search(grid: Grid, start: int, target: int, flag: Flag) -> Steps:
     """Return the steps to the target from the cells on shortest paths that :func:`descend` needs at the start, by A*.
 
     A step towards the start keeps the sum of steps and lower bound, and any other step raises it by 2.
@@ -48,6 +65,7 @@ def search(walls: Bytes, width: int, start: int, target: int, flag: Flag) -> Ste
     A nonzero `flag` stops the search. The result is exact on these paths, an upper bound elsewhere, and
     ``FAR`` for unvisited cells.
     """
+    walls, width = grid.walls, grid.width
     steps = np.full(walls.size, FAR, np.int32)
     now, later = np.empty(walls.size, np.int64), np.empty(walls.size, np.int64)
     steps[target] = 0
@@ -90,9 +108,10 @@ def search(walls: Bytes, width: int, start: int, target: int, flag: Flag) -> Ste
     return steps
 
 
-@kernel
-def rise(heap: Ints, where: Steps, keys: Ints, at: int) -> None:
+@kernel(allocates=False)
+def rise(state: Search, at: int) -> None:
     """Sift the entry at index `at` up the heap."""
+    heap, where, keys = state.heap, state.where, state.keys
     cell = heap[at]
     while at > 0:
         above = (at - 1) // 2
@@ -105,9 +124,10 @@ def rise(heap: Ints, where: Steps, keys: Ints, at: int) -> None:
     where[cell] = at + 1
 
 
-@kernel
-def sink(heap: Ints, where: Steps, keys: Ints, count: int, at: int) -> None:
+@kernel(allocates=False)
+def sink(state: Search, at: int) -> None:
     """Sift the entry at index `at` down the heap."""
+    heap, where, keys, count = state.heap, state.where, state.keys, state.tally[_COUNT]
     cell = heap[at]
     while 2 * at + 1 < count:
         below = 2 * at + 1
@@ -122,131 +142,96 @@ def sink(heap: Ints, where: Steps, keys: Ints, count: int, at: int) -> None:
     where[cell] = at + 1
 
 
-@kernel
-def place(
-    cell: int, key: int, here: bool, heap: Ints, where: Steps, keys: Ints, tally: Ints
-) -> None:
-    """Insert a cell into the queue, update its key, or remove it."""
-    at = where[cell] - 1
-    if here and at < 0:
+@kernel(allocates=False)
+def place(state: Search, cell: int, key: int) -> None:
+    """Insert an inconsistent cell into the queue or update its key, and remove a consistent one."""
+    heap, keys, tally = state.heap, state.keys, state.tally
+    at = state.where[cell] - 1
+    if state.g[cell] == state.rhs[cell]:
+        if at >= 0:
+            state.where[cell] = 0
+            tally[_COUNT] -= 1
+            other = heap[tally[_COUNT]]
+            if other != cell:
+                heap[at] = other
+                rise(state, at)
+                sink(state, state.where[other] - 1)
+    elif at < 0:
         at = tally[_COUNT]
         tally[_COUNT] += 1
         heap[at] = cell
         keys[cell] = key
-        rise(heap, where, keys, at)
-    elif here:
+        rise(state, at)
+    else:
         before, keys[cell] = keys[cell], key
         if key < before:
-            rise(heap, where, keys, at)
+            rise(state, at)
         elif key > before:
-            sink(heap, where, keys, tally[_COUNT], at)
-    elif at >= 0:
-        where[cell] = 0
-        tally[_COUNT] -= 1
-        other = heap[tally[_COUNT]]
-        if other != cell:
-            heap[at] = other
-            rise(heap, where, keys, at)
-            sink(heap, where, keys, tally[_COUNT], where[other] - 1)
+            sink(state, at)
 
 
-@kernel
-def key_of(
-    cell: int, width: int, start: int, g: Steps, rhs: Steps, tally: Ints, diagonal: bool
-) -> int:
+@kernel(allocates=False)
+def key_of(grid: Grid, state: Search, cell: int, start: int) -> int:
     """Return the key of a cell: the sum of steps and lower bound, then the steps."""
-    steps = min(g[cell], rhs[cell])
-    return int(((steps + apart(width, start, cell, diagonal) + tally[_MOVED]) << _SHIFT) | steps)
+    steps = min(state.g[cell], state.rhs[cell])
+    bound = apart(grid.width, start, cell, len(grid.moves) > 4)
+    return int(((steps + bound + state.tally[_MOVED]) << _SHIFT) | steps)
 
 
-@kernel
-def foresee(
-    walls: Bytes, width: int, target: int, cell: int, g: Steps, rhs: Steps, moves: Ints, sides: int
-) -> None:
+@kernel(allocates=False)
+def foresee(grid: Grid, state: Search, cell: int, target: int) -> None:
     """Compute the one-step lookahead value of a cell (rhs)."""
-    if cell == target:
-        rhs[cell] = 0
-        return
-    best = FAR
-    if walls[cell] == 0:
-        for action in range(len(moves)):
-            to = cell + moves[action]
-            if g[to] + 1 < best and is_open(walls, width, cell, action, moves[action], sides):
-                best = g[to] + 1
-    rhs[cell] = best
+    best = 0 if cell == target else FAR
+    if cell != target and grid.walls[cell] == 0:
+        for action in range(len(grid.moves)):
+            steps = state.g[cell + grid.moves[action]] + 1
+            if steps < best and is_open(grid, cell, action):
+                best = steps
+    state.rhs[cell] = best
 
 
-@kernel
-def repair(
-    walls: Bytes,
-    width: int,
-    start: int,
-    target: int,
-    changed: Steps,
-    g: Steps,
-    rhs: Steps,
-    heap: Ints,
-    where: Steps,
-    keys: Ints,
-    tally: Ints,
-    flag: Flag,
-    moves: Ints,
-    sides: int,
-) -> bool:
+@kernel(allocates=False)
+def repair(grid: Grid, start: int, target: int, changed: Steps, state: Search, flag: Flag) -> bool:
     """Update `g` on all shortest paths from the start by D* Lite; return False if `flag` stopped the search.
 
-    `walls` is the current map, and `start` the cell of the vehicle. `changed` are the cells blocked or
-    freed since the previous call; the first call also includes the target. `g` and `rhs` are the steps
-    to the target and their one-step lookahead values, initially ``FAR``. `heap` is the binary heap
-    of the inconsistent cells, whose g and rhs differ, `where` the index of each cell in it plus 1,
-    initially 0, and `keys` their keys. `tally` is the state between calls, initially ``(0, 0, start)``.
-    `moves` are the changes of the cell number by 4 or 8 actions, see :func:`~.moving.spread`.
+    `grid` is the current map, and `start` the cell of the vehicle. `changed` are the cells blocked or
+    freed since the previous call; the first call also includes the target.
     """
-    diagonal = len(moves) > 4
-    tally[_MOVED] += apart(width, tally[_LAST], start, diagonal)
+    g, rhs, tally = state.g, state.rhs, state.tally
+    tally[_MOVED] += apart(grid.width, tally[_LAST], start, len(grid.moves) > 4)
     tally[_LAST] = start
     for cell in changed:
         # A cell beside a diagonal step changes the step between two of its neighbours.
-        for action in range(-1, len(moves)):
-            near = cell + (moves[action] if action >= 0 else 0)
-            foresee(walls, width, target, near, g, rhs, moves, sides)
-            key = key_of(near, width, start, g, rhs, tally, diagonal)
-            place(near, key, g[near] != rhs[near], heap, where, keys, tally)
+        for action in range(-1, len(grid.moves)):
+            near = cell + (grid.moves[action] if action >= 0 else 0)
+            foresee(grid, state, near, target)
+            place(state, near, key_of(grid, state, near, start))
     while tally[_COUNT] > 0:
         if flag[0] != 0:
             return False
-        cell = heap[0]
-        smallest = keys[cell]
+        cell = state.heap[0]
+        smallest = state.keys[cell]
         # If the smallest key reaches the key of the start, no queued cell is on a shortest path.
-        if (
-            smallest >= key_of(start, width, start, g, rhs, tally, diagonal)
-            and rhs[start] <= g[start]
-        ):
+        if smallest >= key_of(grid, state, start, start) and rhs[start] <= g[start]:
             break
-        key = key_of(cell, width, start, g, rhs, tally, diagonal)
+        key = key_of(grid, state, cell, start)
         if smallest < key:  # outdated, because the vehicle has moved
-            place(cell, key, True, heap, where, keys, tally)
+            place(state, cell, key)
             continue
         before = g[cell]
-        if before > rhs[cell]:
-            g[cell] = rhs[cell]
-            place(cell, key, False, heap, where, keys, tally)
-        else:
-            g[cell] = FAR
-            place(cell, key_of(cell, width, start, g, rhs, tally, diagonal), g[cell] != rhs[cell],
-                  heap, where, keys, tally)  # fmt: skip
-        for action in range(len(moves)):
-            near = cell + moves[action]
-            if near == target or not is_open(walls, width, cell, action, moves[action], sides):
+        g[cell] = rhs[cell] if before > rhs[cell] else FAR
+        place(state, cell, key_of(grid, state, cell, start))
+        for action in range(len(grid.moves)):
+            near = cell + grid.moves[action]
+            if near == target or not is_open(grid, cell, action):
                 continue
             if g[cell] < FAR:
                 if rhs[near] <= g[cell] + 1:
                     continue
                 rhs[near] = g[cell] + 1
             elif rhs[near] == before + 1:
-                foresee(walls, width, target, near, g, rhs, moves, sides)
+                foresee(grid, state, near, target)
             else:
                 continue
-            key = key_of(near, width, start, g, rhs, tally, diagonal)
-            place(near, key, g[near] != rhs[near], heap, where, keys, tally)
+            place(state, near, key_of(grid, state, near, start))
     return True

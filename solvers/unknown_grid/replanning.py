@@ -16,7 +16,7 @@ IEEE Transactions on Systems Science and Cybernetics 4, 1968; D* Lite that of :m
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +29,9 @@ from ...models.unknown_grid.scenes import Aspect, Corners
 from ...models.unknown_grid.world import Looks
 from ..contract.backend import Request
 from ..contract.option import Option
+from .dstar_kernels import Search
 from .native import GIVE_UP, MOST_TOGETHER, NavigationBackend, Policy
-from .replanning_kernels import ACTION, EXPECTED, GOAL, LAST, WAITS, plan
+from .replanning_kernels import ACTION, EXPECTED, GOAL, LAST, WAITS, Known, Rules, plan
 
 __all__ = ["AStarReplanning", "CurrentView", "DStarLite", "Replanning"]
 
@@ -75,14 +76,10 @@ class Replanning:
         uncertain = images or moving or max(wrong, missed) > 0
         limit = _LIMIT if images or moving else np.inf
         certain = _LIMIT if moving else np.inf
-        rules = np.array([repairs, moving, uncertain, images, -1 if forget is None else forget])
-        self._setting: tuple[Any, ...] = (
-            self.width,
-            moves,
-            list(Corners).index(problem.corners),
-            rules,
-            np.array([*odds, limit, certain]),
-        )
+        self._rules = Rules(
+            self.width, moves, list(Corners).index(problem.corners), repairs, moving, uncertain, images,
+            -1 if forget is None else forget, np.array([*odds, limit, certain]),
+        )  # fmt: skip
         known = problem.targets if problem.target_known else problem.starts  # others are hidden
         ends = np.stack([problem.starts[scenes], known[scenes]], axis=1)
         self.ends: Ints = self.cells(ends)
@@ -96,21 +93,14 @@ class Replanning:
         tally[:, LAST] = tally[:, EXPECTED] = self.ends[:, 0]
         tally[:, GOAL] = self.ends[:, 1] if problem.target_known else -1
         tally[:, ACTION] = WAITS
-        self._memory: tuple[Any, ...] = (
-            evidence,
-            self.walls,
-            np.full(shape, -1, np.int32),
-            np.empty(shape, np.int32),
-            np.zeros(shape, np.uint8),
-            tally,
-        )
-        self._search: tuple[Any, ...] = (
-            np.full(kept, FAR, np.int32),
-            np.full(kept, FAR, np.int32),
-            np.empty(kept, np.int64),
-            np.zeros(kept, np.int32),
-            np.empty(kept, np.int64),
-        )
+        self._memory = Known(
+            evidence, self.walls, np.full(shape, -1, np.int32), np.empty(shape, np.int32),
+            np.zeros(shape, np.uint8), tally,
+        )  # fmt: skip
+        self._search = Search(
+            np.full(kept, FAR, np.int32), np.full(kept, FAR, np.int32), np.empty(kept, np.int64),
+            np.zeros(kept, np.int32), np.empty(kept, np.int64), tally,
+        )  # fmt: skip
 
     def cells(self, places: Ints) -> Ints:
         """Return the numbers of cells given by row and column, shape (…, 2)."""
@@ -119,12 +109,11 @@ class Replanning:
     def decide(self, looks: Looks) -> Ints:
         """Replan in all scenes and return the first actions."""
         actions = np.empty(len(looks.scenes), np.int64)
-        arguments: tuple[Any, ...] = (
+        plan(
             looks.scenes - self._first, self.cells(looks.positions), looks.corners,
-            np.ascontiguousarray(looks.view, dtype=np.float64), *self._setting, self.ends, *self._memory,
-            actions, self._flag, *self._search,
+            np.ascontiguousarray(looks.view, dtype=np.float64), self._rules, self.ends, self._memory,
+            self._search, actions, self._flag,
         )  # fmt: skip
-        plan(*arguments)
         if self._flag[0]:
             actions[:] = GIVE_UP
         return actions  # STUCK equals NO_WAY

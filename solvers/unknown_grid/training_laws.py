@@ -17,7 +17,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from ...models.unknown_grid.scenes import Scenes
+from ...models.unknown_grid.model import UnknownGridNavigation
 from ...models.unknown_grid.world import BLOCKED, UNKNOWN
 from .imitation import TASKS
 
@@ -48,7 +48,7 @@ def openness(known: NDArray[np.int8]) -> NDArray[np.float64]:
 
 
 def outside_law(
-    problem: Scenes, law: str, known: Iterable[NDArray[np.int8]]
+    problem: UnknownGridNavigation, law: str, known: Iterable[NDArray[np.int8]]
 ) -> tuple[NDArray[np.bool_] | None, str]:
     """Return whether each scene is outside a law of training, shape (n,), and the reason.
 

@@ -191,5 +191,5 @@ def test_readings_are_stamped_with_the_decision_that_notes_them(backend):
     model = drawn(["S.@T", "..@@"], moving=1, view=(5, 7), steps=5)
     policy = backend().policy(model.blinded(), np.arange(1), plain_request())
     assert policy.decide(look(World(model), [[0, LOOK]]))[0] == WAITS
-    stamps, tally = policy._memory[2], policy._memory[5]
-    assert stamps.max() == 0 and tally[0, TIME] == 1
+    memory = policy._memory
+    assert memory.stamps.max() == 0 and memory.tally[0, TIME] == 1
