@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +14,13 @@ from ...errors import InvalidData
 from ...files import as_path, read_text
 from ...models.fields import Array
 from ...models.grid_path.gridmap import read_cells
-from ...models.unknown_grid.model import UnknownGridNavigation
+from ...models.unknown_grid.model import UnknownGridNavigation, split_drawing
 from ..grid_path.movingai import read_map
 from ..map_files import map_of_file
 from ..storage import Find, reference
 from .laws import SceneArrays
 
 __all__ = ["read_map_scenes", "read_scenes", "resolve_references", "scenes_on_map"]
-
-#: Letters of start and target in drawings.
-_ENDS = {"S": "start", "T": "target"}
 
 
 def read_scenes(path: str | os.PathLike[str], **fields: Any) -> UnknownGridNavigation:
@@ -100,53 +98,28 @@ def _scenes_on(
 
 def _read_drawings(file: Path) -> SceneArrays:
     """Return the scenes in the text of a file."""
-    lines = [line.rstrip() for line in read_text(file).splitlines()]
-    blocked: list[Any] = []
-    ends: dict[str, list[tuple[int, int]]] = {letter: [] for letter in _ENDS}
-    for first, drawing in _split(lines):
-        where = f"{file}, line {first}"
-        for letter, word in _ENDS.items():
-            cells = [
-                (r, c) for r, line in enumerate(drawing) for c, x in enumerate(line) if x == letter
-            ]
-            if not cells:
-                raise InvalidData(
-                    f"{where}: the drawing that begins here must have one {letter} ({word}), got none",
-                    field=f"{word}s",
-                )
-            if len(cells) > 1:
-                row, column = cells[1]
-                raise InvalidData(
-                    f"{file}, line {first + row}, column {column + 1}: must not be a second {letter} "
-                    f"({word}) in the drawing that begins in line {first}",
-                    field=f"{word}s",
-                )
-            ends[letter].append(cells[0])
-        plain = [line.replace("S", ".").replace("T", ".") for line in drawing]
+    lines = enumerate((line.rstrip() for line in read_text(file).splitlines()), start=1)
+    blocked: list[NDArray[np.bool_]] = []
+    starts, targets = [], []
+    for is_drawing, numbered in groupby(lines, key=lambda entry: entry[1] != ""):
+        if not is_drawing:
+            continue
+        numbers, drawing = zip(*numbered, strict=True)
+        first, where = numbers[0], f"{file}, line {numbers[0]}: the drawing that begins here"
+        plain, start, target = split_drawing(where, drawing, (first, 1))
         drawn = read_cells(plain, str(file), (first, 1))
         if blocked and drawn.shape != blocked[0].shape:
             raise InvalidData(
-                f"{where}: the drawing that begins here must have {_size(blocked[0].shape)} cells as the "
-                f"first, got {_size(drawn.shape)}",
+                f"{where} must have {_size(blocked[0].shape)} cells as the first, got "
+                f"{_size(drawn.shape)}",
                 field="blocked",
             )
         blocked.append(drawn)
+        starts.append(start)
+        targets.append(target)
     if not blocked:
         raise InvalidData(f"{file}: must hold at least one drawing, got none", field="blocked")
-    return SceneArrays(np.array(blocked), np.array(ends["S"]), np.array(ends["T"]))
-
-
-def _split(lines: list[str]) -> list[tuple[int, list[str]]]:
-    """Return the drawings between empty lines, each with the number of its first line."""
-    drawings: list[tuple[int, list[str]]] = []
-    open_drawing = False
-    for number, line in enumerate(lines, start=1):
-        if line and not open_drawing:
-            drawings.append((number, []))
-        if line:
-            drawings[-1][1].append(line)
-        open_drawing = bool(line)
-    return drawings
+    return SceneArrays(np.array(blocked), np.array(starts), np.array(targets))
 
 
 def _size(shape: tuple[int, ...]) -> str:

@@ -76,6 +76,29 @@ def _read_lines(name: str, value: Any) -> Any:
     return value
 
 
+def split_drawing(
+    where: str, lines: Sequence[str], first: tuple[int, int] = (0, 0)
+) -> tuple[list[str], list[int], list[int]]:
+    """Return the lines of a drawing with free cells at both ends, and row and column of start and target.
+
+    Messages name `where`, and count lines and characters from `first`.
+    """
+    ends = []
+    for letter, word in (("S", "start"), ("T", "target")):
+        cells = [[r, c] for r, line in enumerate(lines) for c, x in enumerate(line) if x == letter]
+        if len(cells) != 1:
+            what = "none"
+            if cells:
+                row, column = np.add(cells[1], first).tolist()
+                what = f"a second {letter} in line {row}, column {column}"
+            raise InvalidData(
+                f"{where} must have one {letter} ({word}), got {what}", field=f"{word}s"
+            )
+        ends += cells
+    plain = [line.replace("S", ".").replace("T", ".") for line in lines]
+    return plain, ends[0], ends[1]
+
+
 class Score(NamedTuple):
     """Performance of runs, measured on the true maps.
 
@@ -276,24 +299,10 @@ class UnknownGridNavigation(Model[NavigationRuns]):
                 raise InvalidData(
                     f"drawing {k} must be lines of text, got {show(drawing)}", field="blocked"
                 )
-            ends = []
-            for letter, word in (("S", "start"), ("T", "target")):
-                cells = [
-                    (r, c)
-                    for r, line in enumerate(lines)
-                    for c, x in enumerate(line)
-                    if x == letter
-                ]
-                if len(cells) != 1:
-                    where = f" at {cells[:3]}" if cells else ""
-                    raise InvalidData(
-                        f"drawing {k} must have one {letter} ({word}), got {len(cells)}{where}",
-                        field=f"{word}s",
-                    )
-                ends.append(cells[0])
-            starts.append(ends[0])
-            targets.append(ends[1])
-            blocked.append([line.replace("S", ".").replace("T", ".") for line in lines])
+            plain, start, target = split_drawing(f"drawing {k}", lines)
+            blocked.append(plain)
+            starts.append(start)
+            targets.append(target)
         maps = Maps(("k", "rows", "columns"), bool).coerce("blocked", blocked, {})
         return cls(maps, np.array(starts), np.array(targets), np.array(maps.shape[1:]), **fields)
 

@@ -64,8 +64,8 @@ def test_drawings_in_a_file(tmp_path):
         ("S.T\n\nS..T\n", "line 3: .* must have 1 × 3 cells as the first, got 1 × 4"),
         ("S.T\n\n\n...\n..T\n", r"line 4: .* must have one S \(start\), got none"),
         ("S..\n...", r"line 1: .* must have one T \(target\), got none"),
-        ("S.T\n.S.", r"line 2, column 2: must not be a second S \(start\)"),
-        ("S.T\n\nT.S\n..T", r"line 4, column 3: must not be a second T .* begins in line 3"),
+        ("S.T\n.S.", r"one S \(start\), got a second S in line 2, column 2"),
+        ("S.T\n\nT.S\n..T", r"line 3: .* got a second T in line 4, column 3"),
     ],
 )
 def test_bad_drawings(tmp_path, text, message):
