@@ -92,11 +92,16 @@ class World:
     ----------
     problem : UnknownGridNavigation
         Model with its true maps.
+    scenes : ndarray of int, optional
+        Scene of each run, by default one run per scene. Questions then have the number of a run as their scene.
     """
 
-    def __init__(self, problem: UnknownGridNavigation) -> None:
+    def __init__(self, problem: UnknownGridNavigation, scenes: Ints | None = None) -> None:
         self.problem = problem
-        count, (rows, columns) = len(problem.starts), problem.shape.tolist()
+        total, (rows, columns) = len(problem.starts), problem.shape.tolist()
+        #: Scene of each run. An entry may change before the run begins anew.
+        self.scenes = np.arange(total) if scenes is None else scenes
+        count = len(self.scenes)
         #: States of the runs: ``GOING``, ``REACHED`` or ``OUT_OF_STEPS``.
         self.states: Ints = np.empty(count, np.int64)
         self.positions: Ints = np.empty((count, 2), np.int64)
@@ -108,9 +113,9 @@ class World:
         #: Actions per scene; only the first `taken` columns are used.
         self._actions = np.empty((count, 64), np.int8)
         # One frame of blocked cells represents all cells outside the map.
-        self._cells = np.full((count, rows + 2, columns + 2), BLOCKED, np.int8)
+        self._cells = np.full((total, rows + 2, columns + 2), BLOCKED, np.int8)
         self._cells[:, 1:-1, 1:-1][~problem.blocked] = FREE
-        self._cells[np.arange(count), *(problem.targets + 1).T] = TARGET
+        self._cells[np.arange(total), *(problem.targets + 1).T] = TARGET
         self._columns = int(problem.view.prod()) if problem.camera is None else 3 * PIXELS**2
         self._aspects = aspects_of(problem)
         self._allowed = [LETTERS.index(letter) for letter in actions_of(problem)]
@@ -123,9 +128,10 @@ class World:
         self.restart(np.arange(count))
 
     def restart(self, scenes: Ints) -> None:
-        """Begin new runs of `scenes`, which are distinct."""
+        """Begin the runs `scenes`, which are distinct, again."""
         self.states[scenes], self.taken[scenes], self.collisions[scenes] = GOING, 0, 0
-        self.positions[scenes], self._hovers[scenes] = self.problem.starts[scenes], False
+        self.positions[scenes] = self.problem.starts[self.scenes[scenes]]
+        self._hovers[scenes] = False
         self._move_uav(scenes)
 
     def __call__(self, questions: Floats) -> Floats:
@@ -219,7 +225,7 @@ class World:
 
     def _values(self, scenes: Ints, cells: Ints) -> NDArray[np.int8]:
         """Return the true values of cells, possibly one outside the map."""
-        return np.asarray(self._cells[scenes, cells[:, 0] + 1, cells[:, 1] + 1])
+        return np.asarray(self._cells[self.scenes[scenes], cells[:, 0] + 1, cells[:, 1] + 1])
 
     def _meet(self, scenes: Ints, cells: Ints, hits: NDArray[np.bool_]) -> None:
         """Mark steps that violate the rule of corners or meet moving obstacles, before the steps are executed."""
@@ -229,7 +235,8 @@ class World:
         sides = sum((self._values(scenes, beside) == BLOCKED) + 0 for beside in (across, down))
         hits |= (here != cells).all(axis=1) & (sides > self._sides)
         times = self.taken[scenes]
-        before, after = self._tracks[scenes, :, times - 1], self._tracks[scenes, :, times]
+        which = self.scenes[scenes]
+        before, after = self._tracks[which, :, times - 1], self._tracks[which, :, times]
         hits |= meets(before, after, here, cells)
 
     def _move_uav(self, scenes: Ints) -> None:
@@ -241,7 +248,7 @@ class World:
         if self._aspects:
             self._hovers[scenes] = (self.cells(scenes, positions) == TARGET).any(axis=(1, 2))
         else:
-            away = np.abs(self.problem.targets[scenes] - positions)
+            away = np.abs(self.problem.targets[self.scenes[scenes]] - positions)
             self._hovers[scenes] = (away <= self._half).all(axis=1)
 
     def _answer(self, scenes: Ints) -> Floats:
@@ -256,8 +263,8 @@ class World:
             return answers
         from .rendering import render
 
-        for row, scene in enumerate(scenes.tolist()):
-            seed = (problem.camera.seed, scene, int(self.taken[scene]))
+        for row, scene in enumerate(self.scenes[scenes].tolist()):
+            seed = (problem.camera.seed, scene, int(self.taken[scenes[row]]))
             answers[row, _HEAD:] = render(
                 problem.blocked[scene], problem.targets[scene], corners[row], problem.view,
                 problem.camera.rendering, seed,
@@ -272,12 +279,13 @@ class World:
             )
             for axis in (0, 1)
         )
-        views = self._cells[scenes[:, None, None], rows[:, :, None], columns[:, None, :]]
+        which = self.scenes[scenes]
+        views = self._cells[which[:, None, None], rows[:, :, None], columns[:, None, :]]
         if not self._aspects:
             return np.asarray(views)
         taken = self.taken[scenes]
         return sense(
-            self.problem, self._tracks[scenes, :, taken], scenes, taken, self.positions[scenes],
+            self.problem, self._tracks[which, :, taken], which, taken, self.positions[scenes],
             centres - self._half, views,
         )  # fmt: skip
 

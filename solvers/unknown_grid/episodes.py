@@ -37,13 +37,7 @@ from .value_iteration import iterate
 if TYPE_CHECKING:
     import torch
 
-__all__ = [
-    "EPISODES",
-    "IMITATION",
-    "Episodes",
-    "ImitationTrainer",
-    "lead",
-]
+__all__ = ["EPISODES", "IMITATION", "Episodes", "ImitationTrainer", "lead"]
 
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -37,8 +36,6 @@ Ints = NDArray[np.int64]
 class Episodes:
     """Episodes of `size` environments in the scenes of a model, with their latest observations.
 
-    A simulator runs every scene once at a time, so environments in the same scene use different simulators.
-
     Attributes
     ----------
     states : ndarray of int, shape (size,)
@@ -58,12 +55,9 @@ class Episodes:
             raise InvalidData(f"model must have no {names} in an environment", field="model")
         self.problem = model.blinded()
         self._remembers = Flag().coerce("memory", memory, {})
-        self._worlds: list[World] = []
-        #: Simulators in use per scene, and the simulator of each environment.
-        self._used: list[set[int]] = [set() for _ in range(model.scenes)]
-        self._numbers = np.full(size, -1)
         self.states = np.full(size, GOING)
         self.info = {name: np.zeros(size, np.int64) for name in ("scene", "steps", "collisions")}
+        self._world = World(model, self.info["scene"])
         places = {name: np.zeros((size, 2), np.int64) for name in ("position", "target", "corner")}
         cells = {
             "map": np.full((size, *model.shape), UNKNOWN, np.int8),
@@ -79,42 +73,28 @@ class Episodes:
 
     def begin(self, rows: Ints, scenes: Ints) -> None:
         """Begin episodes of the environments `rows` and observe."""
-        for row, scene in zip(rows.tolist(), scenes.tolist(), strict=True):
-            self._used[self.info["scene"][row]].discard(int(self._numbers[row]))
-            number = next(k for k in count() if k not in self._used[scene])
-            self._used[scene].add(number)
-            if number == len(self._worlds):
-                self._worlds.append(World(self._model))
-            self._worlds[number].restart(np.array([scene]))
-            self.info["scene"][row], self._numbers[row] = scene, number
+        self.info["scene"][rows] = scenes
+        self._world.restart(rows)
         self.info["steps"][rows] = 0
         self.seen["target"][rows] = self.problem.targets[scenes]
         self._memory.restart(rows)
         self.step(rows, np.full(len(rows), LOOK))
 
     def step(self, rows: Ints, actions: Ints) -> None:
-        """Execute the actions of the environments `rows` and observe."""
-        numbers = self._numbers[rows]
-        for number in set(numbers.tolist()):
-            part = np.flatnonzero(numbers == number)
-            part = part[
-                self.info["scene"][rows[part]].argsort()
-            ]  # the simulator expects this order
-            slots, moves = rows[part], actions[part]
-            scenes = self.info["scene"][slots]
-            questions = np.stack([scenes, moves], axis=1).astype(float)
-            looks = Looks.read(self.problem, scenes, self._worlds[number](questions))
-            self.info["steps"][slots] += moves != LOOK
-            self.states[slots], self.info["collisions"][slots] = looks.states, looks.collisions
-            self.seen["position"][slots] = looks.positions
-            self.seen["corner"][slots] = looks.corners
-            if self.problem.camera is not None:
-                self.seen["image"][slots] = np.rint(255 * looks.view)
-                continue
-            self.seen["view"][slots] = looks.view
-            self._memory.act(slots, moves)
-            known = self._memory.look(slots, looks.positions, looks.corners, looks.view)
-            self.seen["map"][slots] = known.known if self._remembers else known.current
+        """Execute the actions of the environments `rows`, in ascending order, and observe."""
+        questions = np.stack([rows, actions], axis=1).astype(float)
+        looks = Looks.read(self.problem, rows, self._world(questions))
+        self.info["steps"][rows] += actions != LOOK
+        self.states[rows], self.info["collisions"][rows] = looks.states, looks.collisions
+        self.seen["position"][rows] = looks.positions
+        self.seen["corner"][rows] = looks.corners
+        if self.problem.camera is not None:
+            self.seen["image"][rows] = np.rint(255 * looks.view)
+            return
+        self.seen["view"][rows] = looks.view
+        self._memory.act(rows, actions)
+        known = self._memory.look(rows, looks.positions, looks.corners, looks.view)
+        self.seen["map"][rows] = known.known if self._remembers else known.current
 
     def observation(self, row: Any = ...) -> dict[str, Any]:
         """Return a copy of the observations of one environment, or of all."""
