@@ -13,6 +13,7 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.models import UnknownGridNavigation
 from crosstrack.models.unknown_grid import NavigationRuns, World
+from crosstrack.models.unknown_grid.plan import LETTERS
 from crosstrack.models.unknown_grid.world import LOOK, Looks
 from crosstrack.solvers.contract.enums import Limit
 
@@ -141,6 +142,23 @@ def test_each_run_has_its_own_world():
     first(np.array([[0.0, 3.0]]))
     assert first.positions.tolist() == [[0, 1]]
     assert model.oracle().positions.tolist() == [[0, 0]] == model.starts.tolist()
+
+
+def test_runs_in_the_same_scene_are_independent():
+    model = UnknownGridNavigation.drawn(
+        ["S.@T", "...."], ["S@.T", "...."], view=(3, 3), moving=1, world_seed=5
+    )
+    scenes = np.array([1, 0, 1])
+    world, alone = World(model, scenes), [World(model) for _ in scenes]
+    walks = ["DDRRR", "RDRRU", "WURWD"]
+    for actions in zip(*walks, strict=True):
+        asked = [LETTERS.index(letter) for letter in actions]
+        answers = world(np.array(list(enumerate(asked)), float))
+        for other, scene, action, answer in zip(alone, scenes, asked, answers, strict=True):
+            assert (other(np.array([[scene, action]], float))[0] == answer).all()
+    scenes[0] = 0
+    world.restart(np.array([0]))
+    assert (world(np.array([[0.0, LOOK]])) == World(model)(np.array([[0.0, LOOK]]))).all()
 
 
 @pytest.mark.parametrize(
