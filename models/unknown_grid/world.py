@@ -99,7 +99,7 @@ class World:
     def __init__(self, problem: UnknownGridNavigation, scenes: Ints | None = None) -> None:
         self.problem = problem
         total, (rows, columns) = len(problem.starts), problem.shape.tolist()
-        #: Scene of each run. An entry may change before the run begins anew.
+        #: Scene of each run. An entry may change before a restart of its run.
         self.scenes = np.arange(total) if scenes is None else scenes
         count = len(self.scenes)
         #: States of the runs: ``GOING``, ``REACHED`` or ``OUT_OF_STEPS``.

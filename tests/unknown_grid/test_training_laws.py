@@ -19,6 +19,7 @@ from crosstrack.solvers.unknown_grid.training_laws import (
     openness,
     outside_law,
     statement,
+    wall_lengths,
 )
 
 LAWS = ("walls", "l-shapes", "u-traps", "rectangles", "mixed", "paper")
@@ -45,6 +46,27 @@ def test_openness_by_hand():
     assert openness(np.zeros((1, 1, 9))).tolist() == [1.0]
     corridors = maze(17, 17, 5)
     assert openness(corridors.blocked.astype(np.int8)).tolist() == [0.0]
+
+
+def test_lengths_of_walls_by_hand():
+    known = np.full((3, 6, 7), -1, np.int8)
+    known[0] = 0
+    known[0, 2, 1:6] = 1  # five cells; the third one has a neighbour
+    known[0, 3, 3] = 1
+    known[1, 1:3, :] = 1  # two cells thick
+    known[2, :, 0] = 1  # along the edge of the map, and unseen beyond
+    assert wall_lengths(known).tolist() == [2, 0, 6]
+    assert wall_lengths(np.zeros((2, 1, 1), np.int8)).tolist() == [0, 0]
+    assert wall_lengths(np.ones((1, 1, 9), np.int8)).tolist() == [9]
+
+
+def test_long_thin_walls_are_outside_the_law_of_the_paper():
+    for law, least in (("walls", 0.5), ("l-shapes", 0.3), ("u-traps", 0.2)):
+        model = draw_scenes(law, obstacles=(2, 5), scenes=60, seed=12, view=(9, 9))
+        known = [seen_by_a_planner(model)]
+        outside, reason = outside_law(model, "paper", known)
+        assert outside.mean() >= least and reason.startswith("walls longer than")
+        assert outside_law(model, "paper, walls", known)[0].mean() <= 0.1
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -75,6 +97,7 @@ def test_other_sizes_are_outside_and_unknown_laws_are_not_judged():
     open_map = [np.zeros((2, 17, 17), np.int8)]
     model = draw_scenes("paper", scenes=2, view=(9, 9))
     assert outside_law(model, "paper", open_map)[0].tolist() == [False, False]
+    assert outside_law(model, "paper", open_map)[1] == ""
     narrow = dataclasses.replace(model, view=(5, 9))
     outside, reason = outside_law(narrow, "paper", open_map)
     assert outside.all() and reason == "view 5 × 9, trained with 9 × 9 or 11 × 11"
@@ -101,7 +124,10 @@ def test_a_statement_has_the_measured_rates_of_shipped_weights_only():
     rates = json.loads(MEASURED.read_text("utf-8"))["success"]
     assert set(rates) == {"small-vin", "vin", "macn", "mcgn"}
     for kind, shares in rates.items():
-        for key in ("maps", "view", "shape"):
+        for key in ("maps", "walls", "view", "shape"):
+            if (kind, key) == ("small-vin", "walls"):  # it is trained on walls
+                assert statement(2, 9, "walls", "walls longer", kind).endswith("walls longer")
+                continue
             place, share = shares[key]
             longer = statement(2, 9, "paper", f"{key} of another kind", kind)
             end = f"; measured success: {share:.0f} % in {place}, {shares['inside']:.0f} % inside the law"
