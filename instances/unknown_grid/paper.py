@@ -102,43 +102,33 @@ PAPER = Paper(
                 "models.unknown_grid.world:World.cells"),
         printed("Section III.A, O_g", "map of M × N cells: -1 outside the view, a target there too",
                 "solvers.unknown_grid.memory:Memory.look",
-                "Only the current view is known, as Section IV.A.3 builds it. Before, the target was always marked and "
-                "cells that stopped a step were added."),
+                "Only the current view is known, as Section IV.A.3 builds it."),
         different("Figure 3, GMGN", "ENet, stages 1-5, to a one-channel map, then PPN", f"{_GMGN}:build_network",
                   "Blocks and dilations are ENet's. Its stages 1-4 have half of ENet's channels, so that training takes "
                   "minutes without a graphics card. The paper does not describe PPN: ours averages the map over cells and "
-                  "has three convolutions. Before, the decoder ended at a quarter of the resolution with 16 channels."),
+                  "has three convolutions."),
         printed("Section IV.A.2, training of GMGN", "ENet alone, PPN alone, then both together",
-                f"{_GMGN}:GmgnTrainer",
-                "Images and labels are rendered from scenes instead of labelled by hand. Before, all was trained "
-                "jointly from the start."),
+                f"{_GMGN}:GmgnTrainer", "Images and labels are rendered from scenes instead of labelled by hand."),
         printed("eq. 1-2", "value iteration: Q = R + gamma P V, V = max Q, K = 30", _VALUES,
-                "Four actions with learned 3 × 3 kernels and the gradient through all iterations. Before, five actions "
-                "with preset kernels and the gradient through the last four iterations."),
+                "Four actions with learned 3 × 3 kernels and the gradient through all iterations."),
         printed("eq. 3", "write to the memory: erase, then add", "solvers.unknown_grid.dnc:write"),
         printed("eq. 4", "read from the memory: weighted mean of its rows", "solvers.unknown_grid.dnc:read"),
         printed("Section III.B.3, reward map", "10 at the target, 0 elsewhere", _VALUES),
         printed("Table I", "ConvNet: 3 × 3, 2 → 150; 1 × 1, 150 → R; 3 × 3, 1 → 4 = Q; maximum = V", _VALUES,
-                "No activation, as none is printed. So R is linear in O_g and the reward map. Before, another network "
-                "with four indicator planes, 12 channels, preset rewards and four further features."),
+                "No activation, as none is printed. So R is linear in O_g and the reward map."),
         printed("Figure 6, MCGN-I", "the controller reads O_g, V and r(t-1); output linear in v(t) and r(t)",
-                f"{_MCGN}:First",
-                "Before, it read a 9 × 9 crop of advantages, moves and positions, and an output that follows the "
-                "values alone was added; that network reached 95 % of the targets of the law walls, its values alone "
-                "90 %, its computer alone 9 %."),
+                f"{_MCGN}:First"),
         different("Section IV.C, maps of MCGN-I", "one network for 17 × 17 and 15 × 15 cells",
                   "solvers.unknown_grid.macn:build_network",
                   "The paper does not say whether each task has its own network. Ours serves all three: smaller maps lie "
                   "in the middle of 17 × 17 cells, with obstacles around them."),
         printed("Figure 6, MCGN-II", "ConvNet, VIN and attention on O_p, without the computer",
                 "solvers.unknown_grid.value_iteration:build_network",
-                "Attention takes the four action values at the vehicle's cell, as VIN does. Before, it was the same "
-                "network as MCGN-I on the masked map."),
+                "Attention takes the four action values at the vehicle's cell, as VIN does."),
         printed("Section IV.A.3, parallel use", "MCGN-I until the target is in the view, then MCGN-II",
                 f"{_MCGN}:combine"),
         printed("Section IV.A.3, expert", "A* on the true map; each O_g with its action", f"{_EPISODES}:lead",
-                "Of equally good actions the first of up, down, left, right. Before, the network led and the expert knew "
-                "only what was seen."),
+                "Of equally good actions the first of up, down, left, right."),
         printed("Section IV.A.3, separate training", "MCGN-I and MCGN-II", f"{_EPISODES}:ImitationTrainer"),
         different("Table II, learning rate", "10e-5 = 1e-4", f"{_MCGN}:First",
                   "The default of the training, with which MCGN-I and MACN were trained. MCGN-II was trained with 1e-2, "
