@@ -63,6 +63,8 @@ class Formulation(ABC, Generic[ModelT, PlanT]):
     failure: ClassVar[str] = "the linearisation converged to no plan within the limits"
     #: Whether :meth:`started` draws a random start, so that backends do not have to.
     draws: ClassVar[bool] = False
+    #: Whether the search starts at the optimum of the :meth:`coarse` program, not at the guess.
+    begins_coarse: ClassVar[bool] = False
 
     @classmethod
     def of(cls, model: ModelT, options: Mapping[str, Any]) -> Self:

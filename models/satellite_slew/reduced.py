@@ -43,6 +43,7 @@ class Reduced(Gauss):
 
     name: ClassVar[str] = "reduced"
     summary: ClassVar[str] = "Gauss (LG) on attitude and gimbals; rates from the conserved momentum"
+    begins_coarse: ClassVar[bool] = True
 
     @property
     def problem(self) -> OptimalControlProblem:

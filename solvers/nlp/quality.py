@@ -199,7 +199,7 @@ def _augmented_factors(rows: sp.csc_array, damping: float) -> Any:
     damped = -damping * sp.eye_array(rows.shape[0])
     blocks = [[sp.eye_array(rows.shape[1]), rows.T], [rows, damped]]
     try:
-        return splu(sp.block_array(blocks, format="csc"))
+        return splu(sp.block_array(blocks, format="csc"), permc_spec="MMD_AT_PLUS_A")
     except RuntimeError:
         return None
 
@@ -245,7 +245,7 @@ def descent_by_curvature(program: NonlinearProgram, point: Vector, duals: Vector
         projected: Vector = factors.solve(np.append(v, below))[:size]
         return projected
 
-    vector, curvature = _least_curvature(lambda v: project(curved @ v), project, size)
+    vector, curvature = _least_curvature(lambda v: curved @ v, project, size)
     if vector is None or not curvature < -NEGATIVE * np.abs(curved.data).max(initial=0.0):
         return None
     direction = np.zeros(program.size)

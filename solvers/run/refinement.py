@@ -31,7 +31,7 @@ from .rescue import (
     rescue,
 )
 from .running import Run, proven_bound
-from .starts import SECOND, look_again, with_iterations
+from .starts import SECOND, look_again, wants_none, with_iterations
 
 __all__ = ["refine"]
 
@@ -69,19 +69,8 @@ class _Totals:
 def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
     """Run the backend on a sequence of programs until the formulation requests no refinement.
 
-    Parameters
-    ----------
-    run : Run
-        The run; its target changes to the last formulation.
-    problem : Program
-        The first program.
-    request : Request
-        Options of the run.
-
-    Returns
-    -------
-    Answer, Program
-        The last answer, with seconds and counts summed over all programs, and its program.
+    `problem` is the first program. The run's target changes to the last formulation. The last answer, with seconds
+    and counts summed over all programs, and its program are returned.
     """
     totals = _Totals()
     deadline = None if request.time_limit is None else clock() + request.time_limit
@@ -108,7 +97,13 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
             answer, problem = _tighten(run, problem, request, answer, attend, left)
         return totals.add_to(answer), problem
     remarks = len(run.notes)
-    first = attend(problem, limit_first(run, request))
+    target, limited, program = run.target, limit_first(run, request), _begin_coarse(run, request)
+    if program is not None:
+        first = attend(program, replace(limited, time_limit=left(), warm_start=program.guess))
+    if program is None or first.point is None:
+        run.target, program = target, problem
+        first = attend(problem, replace(limited, time_limit=left()))
+    problem = program
     if first.point is not None:
         first, problem = look_again(run, problem, request, first, left())
         if SECOND in first.statistics:
@@ -137,6 +132,21 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
 
 Attend = Callable[[Any, Request], Answer]
 Left = Callable[[], float | None]
+
+
+def _begin_coarse(run: Run, request: Request) -> Any:
+    """Return the first program, started at the optimum of the coarse one; None if the search begins at the guess."""
+    formulation = run.target.formulation
+    if formulation is None or not formulation.begins_coarse or wants_none(run.job):
+        return None
+    coarse = formulation.coarse()
+    if coarse is None:
+        return None
+    answer = run.attend(coarse.program, limit_first(run, request, is_uniform=True))
+    if answer.termination is not Termination.LOCALLY_OPTIMAL or answer.point is None:
+        return None
+    run.target = replace(run.target, formulation=formulation.guessed(coarse.decode(answer.point)))
+    return _program(run, run.target.formulation)
 
 
 def _refined(run: Run, answer: Answer) -> Any:

@@ -68,26 +68,9 @@ def look_again(
 ) -> tuple[Answer, Any]:
     """Return the answer and program of another start if it is clearly better, else the given ones.
 
-    The formulation's coarse program is solved from the plan and from random starts. Its best optima are
-    starts of the first program.
-
-    Parameters
-    ----------
-    run : Run
-        The run, whose formulation draws starts. It continues with the better formulation.
-    problem : Program
-        First program of the formulation.
-    request : Request
-        Request of that program.
-    answer : Answer
-        Answer for the formulation's own guess.
-    left : float, optional
-        Seconds left; None for no limit.
-
-    Returns
-    -------
-    Answer, Program
-        The better answer and its program.
+    The formulation's coarse program is solved from the plan of `answer`, which is that from the formulation's own guess,
+    and from random starts. Its best optima are starts of the first program, `problem`. The run continues with the
+    better formulation. `left` are the seconds left, None without a limit.
     """
     formulation = run.target.formulation
     if formulation is None or not formulation.draws or wants_none(run.job):
@@ -179,17 +162,7 @@ def start_again(
 
     Only formulations that draw starts and are not convex are restarted, and only if the job has no
     seed, no number of starts and no warm start. The solution has the seed of the successful start.
-
-    Parameters
-    ----------
-    job : Job
-        The job.
-    first : Solution
-        Solution from the formulation's own guess.
-    run : callable
-        Function ``(job, control=…) -> Solution`` that runs one start.
-    control : Control
-        Control that can stop all starts.
+    ``run(job, control=…)`` returns the solution of one start, and `control` can stop all starts.
     """
     formulation = job.find_target().formulation
     if formulation is None or not formulation.draws or wants_none(job):

@@ -4,10 +4,11 @@ import time
 
 import numpy as np
 import pytest
-from control_motions import BRYSON, CURVE, round_a_disc
+from control_motions import BRYSON, CURVE, FALL, round_a_disc
 
 import crosstrack as ct
 from crosstrack.models import OptimalControlProblem
+from crosstrack.models.optimal_control.transcription.methods import Gauss
 from crosstrack.models.optimal_control.transcription.starts import draw_flight
 from crosstrack.solvers.contract.backend import Answer, Request, Termination
 from crosstrack.solvers.run import starts
@@ -66,6 +67,32 @@ def test_starts_that_agree_end_the_comparison(monkeypatch):
     assert found.statistics["second look"] == "no better"
     coarse = [size for size in solved[1:] if size < solved[0]]
     assert len(coarse) == starts.LEAST + 1
+
+
+def test_a_search_can_begin_at_the_optimum_of_the_coarse_program(monkeypatch):
+    monkeypatch.setattr(Gauss, "begins_coarse", True)
+    solved = count_searches(monkeypatch)
+    found = ct.solve(ct.load(CURVE))
+    assert found.verified and found.statistics["second look"] == "no better"
+    # The plan of the first mesh and the drawn starts are compared on the coarse one.
+    assert solved[0] < solved[1] and solved.count(solved[0]) == 1 + starts.LEAST + 1
+    assert found.primal_bound == pytest.approx(FALL, rel=1e-6)
+    del solved[:]
+    ct.solve(ct.load(CURVE), seed=0, formulation_options={"rounds": 1})
+    assert len(solved) == 1  # the caller chose the start
+
+
+def test_a_failure_from_the_coarse_optimum_is_repeated_from_the_guess(monkeypatch):
+    monkeypatch.setattr(Gauss, "begins_coarse", True)
+    solved, attend = count_searches(monkeypatch), starts.Run.attend
+
+    def failing(run, problem, request):
+        answer = attend(run, problem, request)
+        return Answer(Termination.FAILED) if len(solved) == 2 else answer
+
+    monkeypatch.setattr(starts.Run, "attend", failing)
+    found = ct.solve(ct.load(CURVE))
+    assert found.verified and solved[0] < solved[1] == solved[2]
 
 
 def test_a_fixed_mesh_is_solved_from_the_guess_alone(monkeypatch):

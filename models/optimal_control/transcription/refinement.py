@@ -1,12 +1,11 @@
 """hp-refinement: choice of intervals to refine, and of a higher degree or a cut.
 
-An interval with a large error grows in degree if its controls are smooth, and is cut otherwise. A
-control that moves from one bound to the other within an interval is a switch. The integral of the
-control gives the switching time, and the interval is cut there. If a constraint becomes active or
-inactive between two nodes, a derivative of the motion jumps, and the two nodes become ends of an
-interval. A control that alternates from node to node is on a singular arc, where a mesh gains by
-chattering what the problem itself does not allow. The controls are then restricted to half the degree.
-Neighbours that one polynomial fits are merged.
+An interval with a large error grows in degree if its controls are smooth, and is cut otherwise. A control that moves
+from one bound to the other within an interval is a switch. The integral of the control gives the switching time, and the
+interval is cut there. If a constraint becomes active or inactive between two nodes, a derivative of the motion jumps, and
+the two nodes become ends of an interval. A control that alternates from node to node is on a singular arc, where a mesh
+gains by chattering what the problem itself does not allow. The controls are then restricted to half the degree.
+Neighbours that one polynomial fits are merged until the objective has converged.
 """
 
 from __future__ import annotations
@@ -218,7 +217,8 @@ def next_meshes(
         if rules.fixed_degree is not None:
             restless = np.zeros_like(restless)
         released = mesh.calm & (strains[k] > RELEASED * tolerance * size)
-        merge = worst > SHARE * tolerance
+        # A merged interval that is not accurate costs another mesh.
+        merge = worst > SHARE * tolerance and not converged
         finer, done = _refine(mesh, report, part, rules, limit, restless, released, merge)
         finer_meshes.append(finer)
         words.append(f"phase {part.name!r}: {done}" if done and len(meshes) > 1 else done)
