@@ -224,9 +224,9 @@ class _System:
             weak = self.sides[what].weak(moves, current)
             if weak.size:
                 raise NoDerivative(
-                    f"{self.posed.label(what, int(weak[0]))} is at its bound without a multiplier "
-                    "(strict complementarity fails): the solution may have another derivative to "
-                    "either side"
+                    f"{self.posed.label(what, int(weak[0]))} is at its bound without a multiplier (strict complementarity "
+                    "fails): the bound stays active for data on one side only, so the derivatives to either side may "
+                    "differ; difference quotients of solutions on both sides approximate them"
                 )
 
 
