@@ -3,7 +3,7 @@
 An interval with a large error grows in degree if its controls are smooth, and is cut otherwise. A control that moves
 from one bound to the other within an interval is a switch. The integral of the control gives the switching time, and the
 interval is cut there. If a constraint becomes active or inactive between two nodes, a derivative of the motion jumps, and
-the two nodes become ends of an interval. A control that alternates from node to node is on a singular arc, where a mesh
+the two nodes become ends of an interval. A control that alternates from node to node is on a singular arc. There a mesh
 gains by chattering what the problem itself does not allow. The controls are then restricted to half the degree.
 Neighbours that one polynomial fits are merged until the objective has converged.
 """
