@@ -43,6 +43,8 @@ SHARES = (1e-3, 1e-5)
 ROUNDS, LEAST, DECREASE, PAST = 16, 600, 2e-5, 5
 #: First round that may be the last, and evaluations of a descent that repairs positions.
 LEAST_ROUNDS, REPAIR = 2, 60
+#: Share of the time by which the final stretching slows the motion without further descents.
+SLOWER = 2e-3
 #: Slack of the limits, relative to them, after the final stretching.
 CLOSE = 1e-5
 #: Length of an excess 1 of a polytope, relative to the mean segment.
@@ -156,18 +158,19 @@ class Search:
         self.vehicle = np.maximum(self.margins[0][:, None], self.vehicle + vehicle)
         self.rows = np.maximum(self.margins[1][:, None], self.rows + rows)
 
-    def move_margins(self, *, loosen: bool) -> float:
+    def move_margins(self, *, loosen: bool, spare: float = 0.0) -> float:
         """Change the margins by the peaks between instants; return the largest peak of a position.
 
-        A margin shifts the bound that the multipliers keep. Without `loosen` margins only grow.
+        A margin shifts the bound that the multipliers keep. Without `loosen` margins only grow. `spare`
+        is the slack that the limits of the vehicle shall have.
         """
         peaks = self.peaks()
-        share = (0.5, 0.5) if loosen else (0.5, 1.5)
+        share = (0.5, 0.5) if loosen else (1.0 if spare else 0.5, 1.5)
         least = -0.01 if loosen else 0.0
         moved = [
             np.maximum(0.0, margin + part * np.maximum(peak + spare, least))
             for margin, part, peak, spare in zip(
-                self.margins, share, peaks, (0.0, 0.25 * KEPT), strict=True
+                self.margins, share, peaks, (spare, 0.25 * KEPT), strict=True
             )
         ]
         self.vehicle += (moved[0] - self.margins[0])[:, None]
@@ -375,11 +378,22 @@ def _finish(
     settled: bool,
 ) -> Fastest:
     """Stretch time to the limits, and further until `exact` accepts."""
+    spare, best = 0.0, (np.inf, search.x)
     for _ in range(ROUNDS if not search.flag[0] else 0):
-        # Slower motions along the same path do not help a path that leaves its polytopes.
-        if search.move_margins(loosen=False) <= 0.0:
-            break
-        search.descend(*prices, REPAIR, DECREASE)
+        # Slower motions along the same path do not help a path that leaves its polytopes. They may
+        # turn faster, if the jerk is parallel to the thrust: further descents need less slowing.
+        if search.move_margins(loosen=False, spare=spare) <= 0.0:
+            begin, total = search.x.copy(), float(search.durations.sum())
+            if search.stretch_to_limits():
+                after = float(search.durations.sum())
+                best = min(best, (after, search.x.copy()), key=lambda pair: pair[0])
+                if after <= (1.0 + SLOWER) * total:
+                    break
+            search.x[:] = begin
+            spare = 1.5 * KEPT
+        search.descend(*prices, REPAIR, 0.0 if spare else DECREASE)
+    if best[0] < np.inf:
+        search.x[:] = best[1]
     kept = search.stretch_to_limits()
     factor, proven = 1.0, -np.inf
     for number in range(ROUNDS + 1):

@@ -139,6 +139,23 @@ def test_polytopes_are_kept_between_instants() -> None:
         assert (inside >= lower[k] - 1e-9).all() and (inside <= upper[k] + 1e-9).all()
 
 
+@pytest.mark.parametrize(("seed", "most"), [(0, 2.1), (31, 1.9)])
+def test_a_jerk_along_the_thrust_costs_little_time(seed: int, most: float) -> None:
+    """A slower motion with such a jerk turns faster. Stretching alone ended at 2.28 and 1.99 s."""
+    ways = np.random.default_rng(seed).standard_normal((2, 3)) * [1.0, 1.0, 0.3]
+    turns = np.cumsum([[0.0, 0, 0], *(5.0 * w / np.linalg.norm(w) for w in ways)], axis=0)
+    knots = np.arange(9) / 4
+    points = np.stack([np.interp(knots, range(3), axis) for axis in turns.T], axis=1)
+    free = Region("affine", np.zeros(3), 1.25 * np.eye(3))
+    places = [free if k % 4 else Region.fixed(point) for k, point in enumerate(points)]
+    vehicle = SimpleNamespace(
+        mass=0.61, gravity=9.81, drag=0.0, thrust=(2.0, 12.0), tilt=1.05, body_rate=4.2, speed=8.0
+    )
+    result = fastest(points, limits_of(vehicle), regions=places, order=2)
+    assert result.excess <= 0.0
+    assert result.durations.sum() < most
+
+
 def test_lap_is_smooth_at_its_joint() -> None:
     angle = 0.25 * np.pi * np.arange(9)
     points = 5.0 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
