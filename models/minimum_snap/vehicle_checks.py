@@ -47,11 +47,7 @@ def check_vehicle(model: PathData) -> None:
     names[0], names[-1] = "start", "end"
     for name, table in zip(names, model.conditions, strict=True):
         rows = table[1:]
-        count = (
-            int(np.isfinite(rows).all(axis=1).argmin())
-            if not np.isfinite(rows).all()
-            else len(rows)
-        )
+        count = int(np.append(np.isfinite(rows).all(axis=1), False).argmin())
         motion = Motion(
             [
                 Jet([0.0, *(rows[k, axis] / math.factorial(k + 1) for k in range(count))])

@@ -301,9 +301,7 @@ def fastest(
     length = float(legs.mean()) or 1.0
     if regions is None:
         inner = [Region("affine", np.zeros(dimensions), length * np.eye(dimensions))]
-        regions = [
-            Region.fixed(points[0]), *inner * (count - 2), Region.fixed(points[-1]),
-        ]  # fmt: skip
+        regions = [Region.fixed(points[0]), *inner * (count - 2), Region.fixed(points[-1])]
     if jets is None:
         jets = np.full((count, order, dimensions), np.inf)
         jets[[0, -1], 1:] = 0.0

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import clock
-from ...models.minimum_snap.gates import Gate
 from ...models.minimum_snap.motion import extended, heading_jumps
 from ...models.minimum_snap.time_allocation import Minimise, TimeAllocation
 from ...models.minimum_snap.trajectory import Trajectory
@@ -24,7 +23,7 @@ from ..contract.backend import (
     Termination,
 )
 
-__all__ = ["Minco"]
+__all__ = ["Minco", "first_points"]
 
 Floats = NDArray[np.float64]
 
@@ -73,7 +72,7 @@ class Minco(Backend):
 
         self.require_support(problem)
         begin = clock()
-        points, durations = _points(problem), None
+        points, durations = first_points(problem), None
         if request.warm_start is not None:
             ends = request.warm_start.at_ends()
             points = np.concatenate([ends[0], ends[1][-1:]])
@@ -178,8 +177,19 @@ def _pressed(problem: TimeAllocation, plan: Trajectory) -> float:
     return float(near @ plan.durations[segment] / plan.durations[segment].sum())
 
 
-def _points(problem: TimeAllocation) -> Floats:
-    """Return waypoints, centres of gates, and points between them for free coordinates."""
+def first_points(problem: TimeAllocation) -> Floats:
+    """Return waypoints, centres of gates, and points between them for free coordinates.
+
+    Parameters
+    ----------
+    problem : TimeAllocation
+        Problem with free times.
+
+    Returns
+    -------
+    ndarray, shape (knots, dimensions)
+        Finite positions, m.
+    """
     points = np.array(problem.waypoints)
     for gate in problem.gates:
         points[gate.knot] = gate.frame.centre
@@ -198,16 +208,6 @@ def _points(problem: TimeAllocation) -> Floats:
     return points
 
 
-def _region(gate: Gate) -> Any:
-    from .minco import Region
-
-    frame = gate.frame
-    if gate.polygon is not None:
-        return Region("hull", np.zeros_like(frame.centre), np.array(gate.polygon))
-    assert gate.radius is not None
-    return Region("ball", np.array(frame.centre), gate.radius * np.array(frame.axes))
-
-
 def _regions(problem: TimeAllocation, points: Floats, length: float) -> list[Any]:
     """Return the region of each knot: its gate, or its waypoint with free coordinates."""
     from .minco import Region
@@ -222,11 +222,14 @@ def _regions(problem: TimeAllocation, points: Floats, length: float) -> list[Any
     regions = []
     for knot, point in enumerate(points):
         gate = gates.get(knot)
-        if gate is not None:
-            regions.append(_region(gate))
-            continue
-        centre = np.where(free[knot], 0.0, point)
-        regions.append(Region("affine", centre, length * np.eye(len(point))[free[knot]]))
+        if gate is None:
+            centre = np.where(free[knot], 0.0, point)
+            regions.append(Region("affine", centre, length * np.eye(len(point))[free[knot]]))
+        elif gate.radius is None:
+            regions.append(Region("hull", np.zeros(len(point)), np.array(gate.polygon)))
+        else:
+            reach = gate.radius * np.array(gate.frame.axes)
+            regions.append(Region("ball", np.array(gate.frame.centre), reach))
     return regions
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.minimum_snap.time_allocation import TimeAllocation
+from .minco_backend import first_points
 from .time_barrier import Barrier, Inner, Spline
 from .time_descent import SLOWER, allocate
 
@@ -47,15 +48,7 @@ BETWEEN = 1e-4
 
 def _lengths(model: TimeAllocation) -> Floats:
     """Return the distance per segment and axis, m, shape (M, dimensions), with gaps interpolated."""
-    points = np.array(model.waypoints)
-    index = np.arange(len(points))
-    for axis in range(points.shape[1]):
-        known = np.isfinite(points[:, axis])
-        if known.any():
-            points[:, axis] = np.interp(index, index[known], points[known, axis])
-        else:
-            points[:, axis] = 0.0
-    return np.abs(np.diff(points, axis=0))
+    return np.abs(np.diff(first_points(model), axis=0))
 
 
 def _floored(lengths: Floats) -> Floats:
@@ -118,12 +111,6 @@ def scale_durations(model: TimeAllocation, inner: Inner, durations: Floats) -> F
     ).durations
 
 
-def _peaks(model: TimeAllocation, spline: Spline, durations: Floats) -> float:
-    """Return the factor that stretches the unbounded path until it satisfies the limits."""
-    plan = spline.plan(durations)
-    return 1.0 if plan is None else model.stretch(plan)
-
-
 def _factors(model: TimeAllocation) -> Iterator[float]:
     """Yield stretch factors to try, only larger ones if slower motions satisfy all limits."""
     yield 1.0
@@ -142,7 +129,9 @@ def stretch_durations(model: TimeAllocation, inner: Barrier, durations: Floats) 
     have to leave the corridor, so that shorter durations are tried as well.
     """
     if model.from_rest_to_rest and model.total_time is None:
-        durations = durations * max(1.0, 1.02 * _peaks(model, Spline(model), durations))
+        plan = Spline(model).plan(durations)
+        if plan is not None:
+            durations = durations * max(1.0, 1.02 * model.stretch(plan))
     return _first_feasible(model, inner, (durations * factor for factor in _factors(model)))
 
 
