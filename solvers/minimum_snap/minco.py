@@ -162,7 +162,7 @@ class Search:
         """Change the margins by the peaks between instants; return the largest peak of a position.
 
         A margin shifts the bound that the multipliers keep. Without `loosen` margins only grow. `spare`
-        is the slack that the limits of the vehicle shall have.
+        is the goal for the slack of the vehicle's limits.
         """
         peaks = self.peaks()
         share = (0.5, 0.5) if loosen else (1.0 if spare else 0.5, 1.5)
@@ -378,8 +378,8 @@ def _finish(
     """Stretch time to the limits, and further until `exact` accepts."""
     spare, best = 0.0, (np.inf, search.x)
     for _ in range(ROUNDS if not search.flag[0] else 0):
-        # Slower motions along the same path do not help a path that leaves its polytopes. They may
-        # turn faster, if the jerk is parallel to the thrust: further descents need less slowing.
+        # Slower motions along the same path do not help a path that leaves its polytopes. With
+        # a jerk along the thrust, they may turn faster: further descents need less slowing.
         if search.move_margins(loosen=False, spare=spare) <= 0.0:
             begin, total = search.x.copy(), float(search.durations.sum())
             if search.stretch_to_limits():
