@@ -20,8 +20,10 @@ from crosstrack.models import Gate, Quadrotor, TimeAllocation, Trajectory
 __all__ = [
     "QUAD",
     "Flight",
+    "Retimed",
     "Track",
     "allocation",
+    "attitudes",
     "compile_peer",
     "fly",
     "make_track",
@@ -40,6 +42,10 @@ QUAD = Quadrotor(mass=0.61, thrust=(2.0, 12.0), tilt=1.05, body_rate=4.2, speed=
 SETTINGS = (1e4, 1e5, 1e-2, 16, 1e-5)
 #: Vertices of a gate.
 VERTICES = 8
+
+
+#: Time between two attitudes for the averaged body rate, s.
+AVERAGED = 0.05
 
 
 class Track(NamedTuple):
@@ -84,12 +90,12 @@ def make_track(seed: int) -> Track:
     return Track(points[0], np.array(gates), points[-1])
 
 
-def allocation(track: Track, pieces: int) -> TimeAllocation:
+def allocation(track: Track, pieces: int, order: int) -> TimeAllocation:
     """Return the problem of minimum time with `pieces` polynomials between gates."""
     free: list[Any] = [[None] * 3] * ((len(track.gates) + 1) * pieces - 1)
     gates = [Gate((k + 1) * pieces, polygon=gate) for k, gate in enumerate(track.gates)]
     waypoints = [track.start.tolist(), *free, track.goal.tolist()]
-    return TimeAllocation(waypoints, order=3, gates=gates, vehicle=QUAD, minimise="time")
+    return TimeAllocation(waypoints, order=order, gates=gates, vehicle=QUAD, minimise="time")
 
 
 # -- GCOPTER -----------------------------------------------------------------------------------------
@@ -176,6 +182,20 @@ def _derivative(plan: Trajectory, t: Floats, order: int) -> Floats:
     return value
 
 
+def attitudes(acceleration: Floats, apart: int = 1) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return force of the thrust, its norm, its axis, and the angles between attitudes `apart` instants apart."""
+    force = QUAD.mass * (acceleration + np.array([0.0, 0.0, QUAD.gravity]))
+    size = np.linalg.norm(force, axis=1)
+    axis = force / size[:, None]
+    half = np.sqrt(2.0 * (1.0 + axis[:, 2]))
+    attitude = np.stack([half / 2.0, -axis[:, 1] / half, axis[:, 0] / half, 0.0 * half], axis=1)
+    # The sine of half the rotation is accurate for small angles.
+    w, v = attitude[:, :1], attitude[:, 1:]
+    before, after = slice(None, -apart), slice(apart, None)
+    turn = w[before] * v[after] - w[after] * v[before] - np.cross(v[before], v[after])
+    return force, size, axis, 2.0 * np.arcsin(np.minimum(np.linalg.norm(turn, axis=1), 1.0))
+
+
 def fly(plan: Trajectory, track: Track | None, rate: float = 10_000.0) -> Flight:
     """Simulate the flight at `rate` Hz from the commands of thrust and attitude.
 
@@ -185,16 +205,7 @@ def fly(plan: Trajectory, track: Track | None, rate: float = 10_000.0) -> Flight
     steps = int(np.ceil(plan.duration * rate))
     t = plan.times[0] + plan.duration * np.arange(steps + 1) / steps
     step = plan.duration / steps
-    acceleration = _derivative(plan, t, 2)
-    force = QUAD.mass * (acceleration + np.array([0.0, 0.0, QUAD.gravity]))
-    size = np.linalg.norm(force, axis=1)
-    axis = force / size[:, None]
-    half = np.sqrt(2.0 * (1.0 + axis[:, 2]))
-    attitude = np.stack([half / 2.0, -axis[:, 1] / half, axis[:, 0] / half, 0.0 * half], axis=1)
-    # Angle of the rotation between consecutive attitudes: its sine is accurate for small angles.
-    w, v = attitude[:, :1], attitude[:, 1:]
-    turn = w[:-1] * v[1:] - w[1:] * v[:-1] - np.cross(v[:-1], v[1:])
-    angle = 2.0 * np.arcsin(np.minimum(np.linalg.norm(turn, axis=1), 1.0))
+    force, size, axis, angle = attitudes(_derivative(plan, t, 2))
     pushed = force / QUAD.mass - np.array([0.0, 0.0, QUAD.gravity])
     speed = (
         np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (pushed[1:] + pushed[:-1]), axis=0)])
@@ -237,8 +248,18 @@ def fly(plan: Trajectory, track: Track | None, rate: float = 10_000.0) -> Flight
 # -- toppra ------------------------------------------------------------------------------------------
 
 
-def retime(plan: Trajectory, points: int = 60, directions: int = 300) -> float | None:
-    """Return the time of toppra along the path of a plan; None if it fails.
+class Retimed(NamedTuple):
+    """Duration of toppra's motion, s, and its largest body rates relative to the limit."""
+
+    duration: float
+    #: Largest angle between two instants of the simulation, over the angle that the limit allows.
+    body_rate: float
+    #: The same, between instants AVERAGED s apart.
+    averaged: float
+
+
+def retime(plan: Trajectory, points: int = 60, directions: int = 300) -> Retimed | None:
+    """Return the motion of toppra along the path of a plan; None if it fails.
 
     It has the limits of speed, largest thrust and tilt. The cones of thrust and tilt are replaced by
     planes that touch them, which is a relaxation. It has no limit of the lowest thrust, which is not
@@ -293,4 +314,20 @@ def retime(plan: Trajectory, points: int = 60, directions: int = 300) -> float |
     _, speed, _ = solver.compute_parameterization(0.0, 0.0)
     if speed is None or not np.isfinite(speed).all():
         return None
-    return float((2.0 * np.diff(grid) / np.maximum(speed[1:] + speed[:-1], 1e-12)).sum())
+    times = np.append(
+        0.0, np.cumsum(2.0 * np.diff(grid) / np.maximum(speed[1:] + speed[:-1], 1e-12))
+    )
+    # The second derivative of s by time is constant between two points of the grid.
+    t = np.arange(0.0, times[-1], 1e-4)
+    at = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(grid) - 2)
+    bend = (np.diff(speed**2) / (2.0 * np.diff(grid)))[at]
+    since = t - times[at]
+    s = grid[at] + speed[at] * since + 0.5 * bend * since**2
+    pace = (speed[at] + bend * since)[:, None]
+    acceleration = spline(s, nu=1) * bend[:, None] + spline(s, nu=2) * pace**2
+    instants = round(AVERAGED / 1e-4)
+    rates = [
+        float(attitudes(acceleration, apart)[3].max()) / (apart * 1e-4) / QUAD.body_rate
+        for apart in (1, instants)
+    ]
+    return Retimed(float(times[-1]), *rates)
