@@ -5,7 +5,9 @@ from __future__ import annotations
 import logging
 import math
 import re
+import tomllib
 from collections.abc import Mapping
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -32,13 +34,12 @@ __all__ = [
 
 log = logging.getLogger("crosstrack")
 
-#: Reference systems whose coordinates are degrees.
-_DEGREES = re.compile(
-    r"CRS(84|83|27)\b|EPSG[:/]+.*\b(4326|4258|4269|4267|4979|4171|4283|7844|4490|4612|6668|4674|4617|4277|4314)\b",
-    re.IGNORECASE,
-)
-#: Reference systems of Web Mercator, whose metres grow with the latitude, and their radius, m.
-_MERCATOR = re.compile(r"(EPSG|ESRI)[:/]+.*\b(3857|3785|900913|102100|102113)\b", re.IGNORECASE)
+#: Metres per unit of lengths that GeoJSON may have; degrees are projected.
+_LENGTHS = {"metres": 1.0, "feet": 0.3048, "us-feet": 1200 / 3937}
+_UNITS = (*_LENGTHS, "degrees")
+#: Authority and code in the name of a reference system, such as ``urn:ogc:def:crs:EPSG::2263``.
+_CODE = re.compile(r"(EPSG|ESRI)[:/.](?:[\w.]*[:/#])?(\d+)\b", re.IGNORECASE)
+#: Radius of Web Mercator, whose metres grow with the latitude, m.
 _RADIUS = 6378137.0
 
 
@@ -90,7 +91,7 @@ def read_places(path: Path, units: Any = None, others: list[list[float]] | None 
     ----------
     path : Path
         The file.
-    units : {"metres", "degrees"}, optional
+    units : {"metres", "feet", "us-feet", "degrees"}, optional
         Unit of the coordinates. By default that of the member ``"units"`` or of the reference system
         (``"crs"``), or metres if a coordinate cannot be in degrees.
     others : list of list of float, optional
@@ -141,7 +142,7 @@ def _distinct(labels: list[Any]) -> bool:
 
 
 def planar(content: Mapping[str, Any], groups: list[Any], units: Any, where: str) -> list[Any]:
-    """Return groups of positions in metres, projected if they are degrees.
+    """Return groups of positions in metres, converted from feet and projected from degrees.
 
     Parameters
     ----------
@@ -149,7 +150,7 @@ def planar(content: Mapping[str, Any], groups: list[Any], units: Any, where: str
         GeoJSON object, whose members ``"units"`` or ``"crs"`` may state the unit.
     groups : list
         Lists of positions ``[x, y, …]``.
-    units : {"metres", "degrees"}, optional
+    units : {"metres", "feet", "us-feet", "degrees"}, optional
         Unit that the user states.
     where : str
         File of the positions, for messages.
@@ -157,7 +158,7 @@ def planar(content: Mapping[str, Any], groups: list[Any], units: Any, where: str
     Raises
     ------
     InvalidData
-        A coordinate is not a number, the unit is open, or degrees are out of range.
+        A coordinate is not a number, the unit is open or not supported, or degrees are out of range.
     """
     for group in groups:
         for position in group:
@@ -166,31 +167,35 @@ def planar(content: Mapping[str, Any], groups: list[Any], units: Any, where: str
                     f"coordinates must be numbers, got {show(position)}", field="coordinates"
                 )
     unit = content.get("units") if units is None else units
-    if units is not None and unit not in ("metres", "degrees"):
-        raise InvalidData(f"units must be metres or degrees, got {show(units)}", field="units")
-    if unit is not None and unit not in ("metres", "degrees"):
+    if unit is not None and unit not in _UNITS:
+        field = 'the member "units"' if units is None else "units"
         raise InvalidData(
-            f'the member "units" must be metres or degrees, got {show(unit)}: convert the coordinates, '
+            f"{field} must be one of {', '.join(_UNITS)}, got {show(unit)}: convert the coordinates, "
             "or give their unit by --data units=…",
             field="coordinates",
         )
     crs = content.get("crs")
-    name: Any = crs
-    if isinstance(crs, Mapping) and isinstance(crs.get("properties"), Mapping):
-        name = crs["properties"].get("name")
+    stated = crs.get("properties") if isinstance(crs, Mapping) else None
+    name = stated.get("name") if isinstance(stated, Mapping) else crs
     name = name if isinstance(name, str) else ""
     far = any(abs(x) > 360 or abs(y) > 90 for group in groups for x, y, *_ in group)
     if unit is None:
-        if name:
-            unit = "degrees" if _DEGREES.search(name) else "metres"
-            if _MERCATOR.search(name):
-                unit, groups = "degrees", [list(map(_from_mercator, group)) for group in groups]
-            if unit == "metres":
-                log.warning("%s: coordinates in %s are read as metres", where, name)
-        else:
-            unit = "metres" if far else ""
+        unit = _unit_of(name) or ("metres" if far else "")
+        if unit == "mercator":
+            unit, groups = "degrees", [list(map(_from_mercator, group)) for group in groups]
+        if unit == "other":
+            raise InvalidData(
+                f"coordinates in {name} must be metres, feet or degrees: convert them, e.g. with "
+                "ogr2ogr -t_srs EPSG:4326 new.geojson",
+                field="units",
+            )
+        if name and unit in _LENGTHS:
+            log.warning("%s: coordinates in %s are read as %s", where, name, unit)
     if unit == "metres" or not any(groups):
         return groups
+    if unit in _LENGTHS:
+        scale = _LENGTHS[unit]
+        return [[[scale * x for x in position] for position in group] for group in groups]
     if not unit:
         raise InvalidData(
             "coordinates may be degrees, as GeoJSON prescribes, or metres: add --data units=degrees or "
@@ -202,6 +207,19 @@ def planar(content: Mapping[str, Any], groups: list[Any], units: Any, where: str
     places = project_positions(latitudes, longitudes, where).tolist()
     rows = ([*place, *position[2:]] for place, position in zip(places, flat, strict=True))
     return [[next(rows) for _ in group] for group in groups]
+
+
+def _unit_of(name: str) -> str:
+    """Return the unit of a reference system: one of ``_UNITS``, "mercator", "other", or "" if unknown."""
+    match = _CODE.search(name)
+    if match is None:
+        return "degrees" if re.search(r"CRS(84|83|27)\b|WGS[ _]?(19)?84$", name) else ""
+    text = (files(__package__) / "reference_systems.toml").read_text("utf-8")
+    for unit, ranges in tomllib.loads(text)[match[1].upper()].items():
+        for low, _, high in (part.partition("-") for part in ranges.split()):
+            if int(low) <= int(match[2]) <= int(high or low):
+                return str(unit)
+    return "metres"
 
 
 def _from_mercator(position: list[float]) -> list[float]:

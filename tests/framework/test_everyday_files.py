@@ -22,6 +22,7 @@ from crosstrack.errors import (
     UnsupportedOption,
 )
 from crosstrack.instances import FileFormat, Target, file_formats, recognise, register_format
+from crosstrack.instances.places import _LENGTHS, _unit_of
 from crosstrack.instances.projection import project_positions
 from crosstrack.models import FleetRouting, model_types
 
@@ -204,8 +205,10 @@ def test_a_row_of_scenarios_is_required_and_checked(suffix, tmp_path):
 
 def test_geojson_states_its_unit(tmp_path):
     path = tmp_path / "stops.geojson"
-    path.write_text(POINTS_IN.format('"units": "feet",'))
-    with pytest.raises(InvalidData, match="\"units\" must be metres or degrees, got 'feet'"):
+    path.write_text(POINTS_IN.format('"units": "chains",'))
+    with pytest.raises(
+        InvalidData, match='"units" must be one of metres, feet, us-feet, degrees, got'
+    ):
         ct.load(path, data={"vehicles": 1})
     assert ct.load(path, data={"vehicles": 1, "units": "metres"}).points[1, 0] == 100.5
     crs = '"crs": {{"type": "name", "properties": {{"name": {}}}}},'
@@ -219,6 +222,48 @@ def test_geojson_states_its_unit(tmp_path):
         path.write_text(POINTS_IN.format(unnamed))
         with pytest.raises(InvalidData, match="coordinates may be degrees"):
             ct.load(path, data={"vehicles": 1})
+
+
+def test_feet_are_converted_to_metres(tmp_path, caplog):
+    path = tmp_path / "stops.geojson"
+    shapes = [("Point", [980000, 200000], {}), ("Point", [983937, 200000], {})]
+    for crs, metres in (
+        ("EPSG::2263", 1200), ("ESRI::102718", 1200), ("EPSG::2222", 3937 * 0.3048),
+        ("crs,crs:EPSG::2263,crs:EPSG::6360", 1200), ("EPSG::32618", 3937),
+    ):  # fmt: skip
+        path.write_text(everyday.collection(*shapes, crs=crs))
+        caplog.clear()
+        points = ct.load(path, data={"vehicles": 1}).points
+        assert points[1, 0] - points[0, 0] == pytest.approx(metres, rel=1e-9)
+        assert f"{crs} are read as" in caplog.text
+    path.write_text(everyday.collection(*shapes, crs="EPSG::24370"))  # Indian yards
+    with pytest.raises(InvalidData, match=r"EPSG::24370 must be metres, feet or degrees.*ogr2ogr"):
+        ct.load(path, data={"vehicles": 1})
+    assert ct.load(path, data={"vehicles": 1, "units": "feet"}).points[0, 0] == 980000 * 0.3048
+    areas = everyday.collection(("Polygon", everyday.SQUARE, {}), units="us-feet")
+    path.write_text(areas)
+    ends = {"start": [0, 0], "goals": [2, 2]}
+    grid = ct.load(path, data={"bounds": [0, 0, 10, 10], "cell": 1, **ends}).map
+    assert grid.shape == (4, 4)  # 10 ft are 3.05 m
+
+
+def test_units_of_reference_systems_are_those_of_pyproj():
+    pyproj = pytest.importorskip("pyproj")
+    for authority in ("EPSG", "ESRI"):
+        entries = pyproj.database.query_crs_info(auth_name=authority, allow_deprecated=True)
+        for entry in entries[::70]:
+            system = pyproj.CRS.from_authority(authority, entry.code)
+            plane = system.sub_crs_list[0] if system.is_compound else system
+            if plane.is_geocentric or plane.is_vertical or len(plane.axis_info) < 2:
+                continue
+            factor = plane.axis_info[0].unit_conversion_factor
+            unit = _unit_of(f"urn:ogc:def:crs:{authority}::{entry.code}")
+            if plane.is_geographic:
+                expected = "degrees" if plane.axis_info[0].unit_name == "degree" else "other"
+            else:
+                names = (name for name, scale in _LENGTHS.items() if abs(scale - factor) < 1e-9)
+                expected = next(names, "other")
+            assert unit == expected or unit == "mercator", entry
 
 
 @pytest.mark.parametrize("crs", ["EPSG::3857", "ESRI::102100"])
