@@ -7,7 +7,7 @@
     python tests/benchmarks/framework/short_limits.py records.jsonl --limits 1 --backends all
     python tests/benchmarks/framework/short_limits.py records.jsonl --limits 1 2 5 --backends interrupt
 
-Each run is a process of its own with an empty cache of compiled code, and two processes run side by side.
+``--names`` accepts patterns of entries and files of instances. Each run is a process of its own with an empty cache of compiled code, and two processes run side by side.
 Runs that the file of records holds already are not repeated. ``--backends all`` runs each native backend of
 a model as well, and compares the recommended one with them. ``--backends interrupt`` runs each backend that
 claims to stop soon after a stop request, by default on one larger entry per problem. ``--warm`` uses the
@@ -41,13 +41,18 @@ GRACE = 0.5
 KILLED = 90.0
 #: Relative difference of objectives up to which the recommended backend is as good as another one.
 MARGIN = 0.01
+#: Fleet with time windows among the public data, which only rich fleets' backends accept.
+WINDOWS = str(
+    Path(__file__).resolve().parents[4] / "shared" / "data" / "fleet-vrplib" / "small" / "RC208.vrp"
+)
 #: Larger entry of each problem, for the test of every backend that claims to be interruptible.
 LARGER = (
     "attractor/hunt-long", "black-box/sphere-100", "error-correction/suspect-327", "fleet/max-10",
-    "fleet-mission/paper", "grid-path/terrain", "guided-path/hard-20x20", "messenger/B-20-01",
-    "minimum-derivative/jerk", "minimum-snap/random-100", "optimal-control/free-flying-robot",
-    "resource-routing/network-40", "satellite-slew/roll-180", "sideslip/serpentine",
-    "time-allocation/lap-8s", "unknown-grid/large",
+    "fleet-mission/paper", "flight/cloud", "grid-path/terrain", "guided-path/hard-20x20",
+    "messenger/B-20-01", "minimum-derivative/jerk", "minimum-snap/random-100", "optimal-control/free-flying-robot",
+    "resource-routing/network-40", "satellite-slew/roll-180",
+    "sequential-ordering/random-100-100-30", "sideslip/serpentine", "time-allocation/lap-8s",
+    "unknown-grid/large", WINDOWS,
 )  # fmt: skip
 #: Script of one process: name, backend and limit (0: none) in; a record out.
 SOLVE = """
@@ -75,11 +80,12 @@ if compilation._process is not None:  # it compiles for later runs, which have a
 def run(name: str, backend: str, limit: float, warm: bool = False) -> dict[str, Any]:
     """Return the record of one run in a new process, by default with an empty cache of compiled code."""
     record: dict[str, Any] = {"name": name, "backend": backend, "limit": limit}
+    path = str(Path(name).resolve()) if Path(name).is_file() else name
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         begin = time.perf_counter()
         record["machine"] = os.getloadavg()[0]
         process = subprocess.Popen(
-            [sys.executable, "-c", SOLVE, name, backend, str(limit)],
+            [sys.executable, "-c", SOLVE, path, backend, str(limit)],
             env={
                 **os.environ,
                 "MPLBACKEND": "Agg",
@@ -142,6 +148,7 @@ def main() -> None:
         for entry in catalogue.entries()
         if any(fnmatch(entry.name, pattern) for pattern in patterns)
     ]
+    names += [pattern for pattern in patterns if Path(pattern).is_file()]
     runs = [
         (name, backend, limit)
         for limit in options.limits
@@ -174,7 +181,8 @@ def report(rows: list[dict[str, Any]]) -> None:
     groups: dict[tuple[str, float], list[dict[str, Any]]] = defaultdict(list)
     for row in rows:
         if row["backend"] == "auto":
-            groups[row["name"].split("/")[0], row["limit"]].append(row)
+            problem = Path(row["name"]).name if Path(row["name"]).is_file() else row["name"]
+            groups[problem.split("/")[0], row["limit"]].append(row)
         elif is_late(row):
             what = (
                 row.get("error")
