@@ -80,6 +80,18 @@ def _family(kinds: str) -> str:
 #: Formats in the order of the attempts to match their content.
 _FORMATS = (
     FileFormat(
+        "arcgis", "JSON of ArcGIS", content=_keys("geometryType"),
+        remedy="convert it to GeoJSON with ogr2ogr new.geojson {file}",
+    ),
+    FileFormat(
+        "topojson", "TopoJSON", content=lambda head: head.keys.get("type") == "Topology",
+        remedy="convert it to GeoJSON with ogr2ogr new.geojson {file}",
+    ),
+    FileFormat(
+        "overpass", "JSON of OpenStreetMap (Overpass)", content=_keys("elements"),
+        remedy="export it as GeoJSON, e.g. in overpass-turbo or with osmtogeojson",
+    ),
+    FileFormat(
         "geojson-points", "GeoJSON of points",
         {
             "fleet-routing": _FLEET,
@@ -175,6 +187,7 @@ _FORMATS = (
         "tsplib", "a travelling salesman problem of TSPLIB",
         {"fleet-routing": Target(".instances.fleet.readers:read_tsplib", {"vehicles": "2"})},
         rf"{_family('A?TSP')}|^[ \t]*EDGE_WEIGHT_TYPE[ \t]*:", (".tsp", ".atsp"),
+        "write the distances of other types as a matrix (EDGE_WEIGHT_FORMAT: FULL_MATRIX)",
     ),
     FileFormat(
         "dtspn", "a Dubins tour over discs (x y radius)",

@@ -146,7 +146,8 @@ def _built(task: _Task, kind: str, target: Target) -> Model[Any]:
         not kind and context["model"] is not None and "model" not in parameters
     ):
         raise UnsupportedOption(
-            f"{file} is a whole instance: data and model are for files that hold a part of one"
+            f"{file} is read as a whole instance: data and model are for files that hold a part of one, "
+            "such as CSV or GeoJSON"
         )
     if context["table_options"] and "table_options" not in parameters:
         names = ", ".join(context["table_options"])

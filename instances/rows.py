@@ -192,8 +192,8 @@ class Rows:
                 )
             if mark and not self._mark:
                 self._mark, self._place = mark, f"{show(text)} ({where})"
-                if comma and _THOUSANDS.fullmatch(cell):
-                    log.warning("%s: %r is read as %s", where, cell, cell.replace(",", "."))
+                if (comma or self._separator == ";") and _THOUSANDS.fullmatch(cell):
+                    log.warning("%s: %r is read as %g", where, cell, float(cell.replace(",", ".")))
             cell = cell.replace(",", ".") if comma else text
         return number(cell, where, field)
 

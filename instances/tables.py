@@ -30,6 +30,9 @@ _HARMLESS = {
     *("note", "notes", "remark", "remarks", "street", "title"),
 }
 
+#: Names of the last row of a spreadsheet that adds or averages the others.
+_TOTALS = {"average", "gesamt", "mean", "mittelwert", "somme", "sum", "summe", "total"}
+
 log = logging.getLogger("crosstrack")
 
 
@@ -256,6 +259,13 @@ class Sheet:
             table.places.append(where)
         if skipped:
             log.warning("%s: %d rows are comments and not read", self.file, skipped)
+        names = [table.values[column.name] for column in selection.values() if column.text]
+        last = next((str(column[-1]) for column in names if column), "")
+        if len(table.places) > 1 and last.casefold() in _TOTALS:
+            raise InvalidData(
+                f"{where}: {show(last)} must be a {self.row}, but looks like a row of totals: remove or rename it",
+                field=self.field,
+            )
         if not table.places:
             raise InvalidData(f"{self.file}: no {self.row}s below the header", field=self.field)
         return table

@@ -64,7 +64,7 @@ def read_tsplib(
     Parameters
     ----------
     path : path-like
-        The file, with coordinates (``EUC_2D``, ``CEIL_2D``, ``ATT`` or ``GEO``) or a matrix
+        The file, with coordinates (``EUC_2D``, ``MAN_2D``, ``MAX_2D``, ``CEIL_2D``, ``ATT`` or ``GEO``) or a matrix
         (``EXPLICIT``). The distances of all types but ``EUC_2D`` are whole numbers, as TSPLIB
         defines them, and become `costs`.
     vehicles : int
@@ -169,6 +169,18 @@ def read_distances(content: KeywordFile, rounded: bool, display: bool) -> dict[s
     return {"points": points, "metric": Metric.ROUNDED if whole else Metric.EUCLIDEAN}
 
 
+def _manhattan(points: Floats) -> Floats:
+    """Return the distances of type ``MAN_2D``: sums of the coordinates' differences, rounded."""
+    distances: Floats = np.floor(np.abs(points[:, None] - points).sum(axis=2) + 0.5)
+    return distances
+
+
+def _maximum(points: Floats) -> Floats:
+    """Return the distances of type ``MAX_2D``: the larger of the coordinates' differences, rounded."""
+    distances: Floats = np.floor(np.abs(points[:, None] - points).max(axis=2) + 0.5)
+    return distances
+
+
 def _ceiled(points: Floats) -> Floats:
     """Return the distances of type ``CEIL_2D``: straight lines, rounded up."""
     distances: Floats = np.ceil(np.hypot(*(points[:, None] - points).transpose(2, 0, 1)))
@@ -199,6 +211,8 @@ def _geographical(points: Floats) -> Floats:
 
 #: Types of distances that are defined as whole numbers.
 _ROUNDED: dict[str, Callable[[Floats], Floats]] = {
+    "MAN_2D": _manhattan,
+    "MAX_2D": _maximum,
     "CEIL_2D": _ceiled,
     "ATT": _pseudo_euclidean,
     "GEO": _geographical,

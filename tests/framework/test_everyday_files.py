@@ -224,6 +224,48 @@ def test_geojson_states_its_unit(tmp_path):
             ct.load(path, data={"vehicles": 1})
 
 
+def test_the_totals_of_a_spreadsheet_are_not_read_as_a_node(tmp_path):
+    path = tmp_path / "kunden.csv"
+    path.write_text("id;x;y\nA;0,5;1\nB;2;3,5\nSumme;2,5;4,5\n")
+    with pytest.raises(InvalidData, match=r"line 4: 'Summe' must be a node, but .* totals: remove"):
+        ct.load(path, data={"vehicles": 1})
+
+
+def test_german_thousands_are_named_in_a_warning(tmp_path, caplog):
+    path = tmp_path / "kunden.csv"
+    path.write_text("id;x;y\nA;1.500;2.500\nB;2.500;3.500\n")
+    assert ct.load(path, data={"vehicles": 1}).points[0].tolist() == [1.5, 2.5]
+    assert "line 2, column x: '1.500' is read as 1.5" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ('{"type": "Topology", "objects": {}, "arcs": []}', "is TopoJSON: convert it to GeoJSON"),
+        ('{"geometryType": "esriGeometryPoint", "features": []}', "ArcGIS: convert it to GeoJSON"),
+        ('{"version": 0.6, "elements": []}', "Overpass.: export it as GeoJSON"),
+        ('[{"x": 0, "y": 0}]', "is read as a whole instance: .* such as CSV or GeoJSON"),
+    ],
+)
+def test_other_json_has_a_remedy(content, words, tmp_path):
+    path = tmp_path / "points.json"
+    path.write_text(content)
+    with pytest.raises((InvalidData, UnsupportedOption), match=words):
+        ct.load(path, data={"vehicles": 1})
+
+
+def test_distances_of_tsplib_by_coordinates_are_rounded(tmp_path):
+    text = "TYPE: TSP\nDIMENSION: 3\nEDGE_WEIGHT_TYPE: {}\nNODE_COORD_SECTION\n1 0 0\n2 3 4.4\n3 1 1.5\nEOF\n"
+    path = tmp_path / "three.tsp"
+    for kind, expected in (("MAN_2D", [7, 3, 5]), ("MAX_2D", [4, 2, 3])):
+        path.write_text(text.format(kind))
+        costs = ct.load(path, data={"vehicles": 1}).costs
+        assert costs[[0, 0, 1], [1, 2, 2]].tolist() == expected
+    path.write_text(text.format("SPECIAL"))
+    with pytest.raises(InvalidData, match=r"EDGE_WEIGHT_TYPE must be .* as a matrix"):
+        ct.load(path, data={"vehicles": 1})
+
+
 def test_feet_are_converted_to_metres(tmp_path, caplog):
     path = tmp_path / "stops.geojson"
     shapes = [("Point", [980000, 200000], {}), ("Point", [983937, 200000], {})]
