@@ -18,6 +18,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from ...errors import InvalidData, UnsupportedFormulation, UnsupportedOption
 from ..fields import Array, show
 from ..programs.builder import ProgramBuilder
 from ..programs.linear import MixedIntegerProgram
+from .data import GuidedPathData
 from .kept import KeptFormulation
 from .plan import GuidedPathPlan
 from .turns import enough_sweeps, some_length
@@ -38,6 +40,8 @@ Indices = NDArray[np.int64]
 
 #: Maximum number of columns.
 _MOST = 500_000
+#: Number of sweeps that is enough for each model, which all formulations of a run share.
+_ENOUGH: WeakKeyDictionary[GuidedPathData, int] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +89,9 @@ class SweepsFormulation(KeptFormulation):
     @cached_property
     def enough(self) -> int:
         """Number of sweeps that a shortest tour does not exceed."""
-        return enough_sweeps(self._gaps, some_length(self._gaps))
+        if self._kept not in _ENOUGH:
+            _ENOUGH[self._kept] = enough_sweeps(self._gaps, some_length(self._gaps))
+        return _ENOUGH[self._kept]
 
     @property
     def count(self) -> int:

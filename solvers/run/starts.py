@@ -164,12 +164,12 @@ def start_again(
     seed, no number of starts and no warm start. The solution has the seed of the successful start.
     ``run(job, control=…)`` returns the solution of one start, and `control` can stop all starts.
     """
-    formulation = job.find_target().formulation
-    if formulation is None or not formulation.draws or wants_none(job):
-        return first
     misled = first.plan is None and first.statistics.get(SECOND) == "better"
     failed = misled or first.termination in _NOTHING
-    if not failed or first.limit not in (None, Limit.ITERATIONS) or formulation.is_convex:
+    if not failed or first.limit not in (None, Limit.ITERATIONS) or wants_none(job):
+        return first
+    formulation = job.find_target().formulation  # which may take long to create
+    if formulation is None or not formulation.draws or formulation.is_convex:
         return first
     begin, spent = time.perf_counter(), first.seconds.get("total", 0.0)
     assert isinstance(job.backend, Backend)

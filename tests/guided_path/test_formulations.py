@@ -10,7 +10,7 @@ from hypothesis import given, settings
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation, UnsupportedOption
 from crosstrack.models import GuidedPathTour
-from crosstrack.models.guided_path import GuidedPathPlan
+from crosstrack.models.guided_path import GuidedPathPlan, sweeps
 from crosstrack.models.guided_path.gaps import Gaps
 from crosstrack.models.guided_path.turns import enough_sweeps, some_length, turning
 from crosstrack.models.guided_path.walks import reduced
@@ -249,6 +249,14 @@ def test_a_known_length_leaves_fewer_sweeps():
     assert tight.count < written.count
     assert tight.relaxes
     assert tight.program.size < written.program.size
+
+
+def test_a_run_computes_the_number_of_sweeps_once(monkeypatch):
+    calls = []
+    monkeypatch.setattr(sweeps, "some_length", lambda gaps: calls.append(gaps) or np.inf)
+    solution = ct.solve(chains_tour(2, 2, 7), "highs", formulation="sweeps", time_limit=10.0)
+    assert solution.termination == "optimal"
+    assert len(calls) == 1
 
 
 @pytest.mark.parametrize("sweeps", [0, -1, 2.0, True, "many"])
