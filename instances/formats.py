@@ -80,16 +80,11 @@ def _family(kinds: str) -> str:
 #: Formats in the order of the attempts to match their content.
 _FORMATS = (
     FileFormat(
-        "arcgis", "JSON of ArcGIS", content=_keys("geometryType"),
-        remedy="convert it to GeoJSON with ogr2ogr new.geojson {file}",
-    ),
-    FileFormat(
-        "topojson", "TopoJSON", content=lambda head: head.keys.get("type") == "Topology",
-        remedy="convert it to GeoJSON with ogr2ogr new.geojson {file}",
-    ),
-    FileFormat(
-        "overpass", "JSON of OpenStreetMap (Overpass)", content=_keys("elements"),
-        remedy="export it as GeoJSON, e.g. in overpass-turbo or with osmtogeojson",
+        "map-json", "TopoJSON, or JSON of ArcGIS or Overpass",
+        content=lambda head: (
+            head.keys.get("type") == "Topology" or bool({"geometryType", "elements"} & head.keys.keys())
+        ),
+        remedy="convert it to GeoJSON, e.g. with ogr2ogr or osmtogeojson",
     ),
     FileFormat(
         "geojson-points", "GeoJSON of points",

@@ -263,7 +263,7 @@ class Sheet:
         last = next((str(column[-1]) for column in names if column), "")
         if len(table.places) > 1 and last.casefold() in _TOTALS:
             raise InvalidData(
-                f"{where}: {show(last)} must be a {self.row}, but looks like a row of totals: remove or rename it",
+                f"{table.places[-1]}: {show(last)} must be a {self.row}, but looks like a row of totals: remove or rename it",
                 field=self.field,
             )
         if not table.places:

@@ -169,24 +169,6 @@ def read_distances(content: KeywordFile, rounded: bool, display: bool) -> dict[s
     return {"points": points, "metric": Metric.ROUNDED if whole else Metric.EUCLIDEAN}
 
 
-def _manhattan(points: Floats) -> Floats:
-    """Return the distances of type ``MAN_2D``: sums of the coordinates' differences, rounded."""
-    distances: Floats = np.floor(np.abs(points[:, None] - points).sum(axis=2) + 0.5)
-    return distances
-
-
-def _maximum(points: Floats) -> Floats:
-    """Return the distances of type ``MAX_2D``: the larger of the coordinates' differences, rounded."""
-    distances: Floats = np.floor(np.abs(points[:, None] - points).max(axis=2) + 0.5)
-    return distances
-
-
-def _ceiled(points: Floats) -> Floats:
-    """Return the distances of type ``CEIL_2D``: straight lines, rounded up."""
-    distances: Floats = np.ceil(np.hypot(*(points[:, None] - points).transpose(2, 0, 1)))
-    return distances
-
-
 def _pseudo_euclidean(points: Floats) -> Floats:
     """Return the distances of type ``ATT``: lines divided by the root of 10, rounded up."""
     distances: Floats = np.ceil(np.sqrt(np.square(points[:, None] - points).sum(axis=2) / 10.0))
@@ -209,11 +191,11 @@ def _geographical(points: Floats) -> Floats:
     return distances
 
 
-#: Types of distances that are defined as whole numbers.
+#: Types of distances that are defined as whole numbers: rounded, or for ``CEIL_2D`` straight lines rounded up.
 _ROUNDED: dict[str, Callable[[Floats], Floats]] = {
-    "MAN_2D": _manhattan,
-    "MAX_2D": _maximum,
-    "CEIL_2D": _ceiled,
+    "MAN_2D": lambda points: np.floor(np.abs(points[:, None] - points).sum(axis=2) + 0.5),
+    "MAX_2D": lambda points: np.floor(np.abs(points[:, None] - points).max(axis=2) + 0.5),
+    "CEIL_2D": lambda points: np.ceil(np.hypot(*(points[:, None] - points).transpose(2, 0, 1))),
     "ATT": _pseudo_euclidean,
     "GEO": _geographical,
 }

@@ -241,9 +241,12 @@ def test_german_thousands_are_named_in_a_warning(tmp_path, caplog):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ('{"type": "Topology", "objects": {}, "arcs": []}', "is TopoJSON: convert it to GeoJSON"),
-        ('{"geometryType": "esriGeometryPoint", "features": []}', "ArcGIS: convert it to GeoJSON"),
-        ('{"version": 0.6, "elements": []}', "Overpass.: export it as GeoJSON"),
+        ('{"type": "Topology", "objects": {}, "arcs": []}', "TopoJSON, .* convert it to GeoJSON"),
+        (
+            '{"geometryType": "esriGeometryPoint", "features": []}',
+            "ArcGIS .* convert it to GeoJSON",
+        ),
+        ('{"version": 0.6, "elements": []}', "Overpass: convert it to GeoJSON"),
         ('[{"x": 0, "y": 0}]', "is read as a whole instance: .* such as CSV or GeoJSON"),
     ],
 )
