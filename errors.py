@@ -64,7 +64,7 @@ def show(value: Any) -> str:
 
 
 def suggestion(name: object, known: Iterable[str]) -> str:
-    """Return ``"did you mean …? "`` with up to three names similar to `name`, or ``""``.
+    """Return ``"did you mean …? "`` with up to three names similar to `name` or containing it, or ``""``.
 
     Parameters
     ----------
@@ -81,7 +81,10 @@ def suggestion(name: object, known: Iterable[str]) -> str:
     if not isinstance(name, str):
         return ""
     folded = {item.casefold(): item for item in known}
-    near = difflib.get_close_matches(name.casefold(), folded, n=3)
+    word = name.casefold()
+    near = difflib.get_close_matches(word, folded, n=3)
+    if not near and len(word) > 2:  # a part of a name, such as fleet of fleet-routing
+        near = [item for item in folded if word in item][:3]
     return f"did you mean {' or '.join(repr(folded[item]) for item in near)}? " if near else ""
 
 

@@ -59,8 +59,9 @@ def solve(
     from ..instances.catalogue import load
     from ..instances.storage import read_plan
     from ..models.verification import stated
-    from ..solvers.contract.registry import find_backend, is_plain
-    from ..solvers.contract.selection import recommended
+    from ..solvers.contract.backend import Backend
+    from ..solvers.contract.job import Job
+    from ..solvers.contract.registry import is_plain
     from ..solvers.report.tables import SHOWN, details_table
     from ..solvers.report.terminal import emit, progress, say, show
     from ..solvers.run import dispatch
@@ -71,7 +72,8 @@ def solve(
     model = load(instance, **reading)
     start = None if warm_start is None else read_plan(model, warm_start)
     auto = backend == "auto"
-    chosen = recommended(model, limits["formulation"]) if auto else find_backend(backend, model)
+    chosen = Job(model, backend, limits["formulation"]).resolved().backend
+    assert isinstance(chosen, Backend)
     with progress(f"{instance}: {backend}") as status:
 
         def on_event(event: Event) -> None:

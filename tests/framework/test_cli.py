@@ -99,6 +99,12 @@ def test_solve_in_words(instance):
             "did you mean 'presolve'?",
         ),
         (["compare", "error-correction/1", "--resume"], 2, "--jsonl"),
+        (
+            ["solve", "fleet/example", "--formulation", "two"],
+            2,
+            "unknown formulation of model 'fleet-routing' 'two': did you mean 'two-index'?",
+        ),
+        (["models", "fleet"], 2, "did you mean 'fleet-mission' or 'fleet-routing'?"),
         (["reproduce", "nonsense"], 2, "unknown problem"),
     ],
 )
