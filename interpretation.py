@@ -1,19 +1,39 @@
-"""Functions and arguments of kernels that are interpreted."""
+"""State, functions and arguments of kernels that are interpreted."""
 
 from __future__ import annotations
 
 import dis
+import threading
 from collections.abc import Callable
 from types import FunctionType
 from typing import Any
 
 from .compilation import callees
+from .timing import Limit
 
-__all__ = ["call_directly", "copies_of", "is_small", "restore"]
+__all__ = ["State", "call_directly", "copies_of", "is_small", "restore"]
 
 #: Largest array that is interpreted, in entries. A loop that calls no kernel detects only at its end
 #: that the budget is exhausted, and takes about 10 µs per entry.
 _MOST = 30_000
+
+
+class State(threading.local):
+    """Thread-local state: the kernel being interpreted."""
+
+    #: CPU time of the thread at which the budget ends; 0 outside of interpreted kernels.
+    deadline = 0.0
+    #: Time of ``perf_counter()``, which is read faster, at which the budget is checked again.
+    look = 0.0
+    #: Event that ends the budget earlier, because the kernel has been compiled.
+    event: threading.Event | None = None
+    #: Number of times that the budget has been extended.
+    stage = 0
+    #: The kernel being interpreted, and its arguments.
+    call: tuple[Any, tuple[Any, ...]] | None = None
+    #: Limit of the kernel that is interpreted because compiling takes too long, and its start time.
+    stretched: Limit | None = None
+    begun = 0.0
 
 
 def is_small(arguments: tuple[Any, ...]) -> bool:

@@ -102,25 +102,8 @@ class _DoesNotFit(Exception):
     """Compiling is expected to take more time than is left."""
 
 
-class _Here(threading.local):
-    """Thread-local state: the kernel being interpreted."""
-
-    #: CPU time of the thread at which the budget ends; 0 outside of interpreted kernels.
-    deadline = 0.0
-    #: Time of ``perf_counter()``, which is read faster, at which the budget is checked again.
-    look = 0.0
-    #: Event that ends the budget earlier, because the kernel has been compiled.
-    event: threading.Event | None = None
-    #: Number of times that the budget has been extended.
-    stage = 0
-    #: The kernel being interpreted, and its arguments.
-    call: tuple[Kernel, tuple[Any, ...]] | None = None
-    #: Limit of the kernel that is interpreted because compiling takes too long, and its start time.
-    stretched: Limit | None = None
-    begun = 0.0
-
-
-_here = _Here()
+#: State of the present thread.
+_here = interpretation.State()
 #: Threads that a stop request may end: they interpret a kernel, or wait for one to be compiled.
 _ending: set[int] = set()
 

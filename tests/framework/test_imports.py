@@ -14,7 +14,7 @@ MAY_IMPORT = {
     "errors": set(),
     "files": {"errors"},
     "compilation": set(),
-    "interpretation": {"compilation"},
+    "interpretation": {"compilation", "timing"},
     "jit": {"compilation", "interpretation", "timing"},
     "lazy": set(),
     "timing": set(),
