@@ -43,8 +43,11 @@ SKETCH_PROGRAMS = 300
 #: Largest number of vehicles of the bound over poses. Its number of edges, and the factor on it if the
 #: requested gap is at least the given one.
 FEW, EDGES, MORE_EDGES, WIDE_GAP = 3, 300_000, 200, 1e-5
-#: Least number of steps of an annealing for so few vehicles. The first run then needs no compiled annealing.
-FEW_STEPS = 60
+#: Least number of steps of an annealing for so few vehicles at first, and largest gap after which no longer
+#: ones follow. The first run of a process then needs no compiled annealing.
+BRIEF_STEPS, CLOSE = 60, 5e-3
+#: Factor on the patience otherwise: with short legs, most annealings miss the shortest tour.
+MORE = 4
 #: Largest relative violation of a tour that is repaired.
 NEAR_MISS = 1e-3
 #: Least relative gain of a shorter tour that resets the patience.
@@ -58,6 +61,7 @@ class TourSearch(TourBackend):
 
     The best tours are polished by the nonlinear program of their order and turns, which never makes them longer.
     The bound is that of :class:`.bound.CurvatureBound`, and for up to three vehicles the one of :mod:`.pose_bound`.
+    For these, short annealings are enough if the gap is then at most 0.5 %.
     """
 
     name = "tour-search"
@@ -77,15 +81,14 @@ class TourSearch(TourBackend):
         "bound": Option(True, "Whether to prove a bound as well.", bool),
         "patience": Option(
             16,
-            "Annealings without a shorter tour after which the search ends; half as many for up to three "
-            "vehicles with a bound over poses.",
+            "Annealings without a shorter tour after which the search ends; for up to three vehicles half as "
+            "many if the gap is then at most 0.5 %, else four times as many.",
             int,
             lower=1,
         ),
         "steps": Option(
             0,
-            "Steps of one annealing; 0 means 20 per vehicle, but at least 300, or 60 for up to three vehicles "
-            "with a bound over poses.",
+            "Steps of one annealing; 0 means 20 per vehicle, but at least 300, or 60 at first for up to three vehicles.",
             int,
             lower=0,
         ),
@@ -109,12 +112,16 @@ class _Search(Starts):
     polishes: int = 0
     undecidable: float = math.inf
     pace: float = 0.0
+    #: Whether annealings are short, and the tour that the bound over poses was computed for.
+    brief: bool = False
+    compared: TourPlan | None = None
 
     def answer(self) -> Answer:
         """Search, and return the best tour with its bound."""
         begin = clock()
         request, options = self.request, self.request.options
-        if options["bound"] and self.few:
+        self.brief = self.few and options["bound"]
+        if self.brief:
             prepare()
         if request.warm_start is not None:
             self.offer(request.warm_start)
@@ -129,17 +136,15 @@ class _Search(Starts):
         proven = clock()
         orders = self.prove() if options["bound"] else []
         proven = clock() - proven
-        steps = options["steps"] or max(STEPS * self.problem.size, self.least)
         for order in orders:
             if not self.ended:
-                self.anneal(steps, self.guided(order))
-        while not self.ended:
-            again = bool(self.pool) and self.many
-            again = again or (len(self.pool) == POOL and self.runs % 2 == 1)
-            k = 0 if self.many or not again else int(self.draw.integers(len(self.pool)))
-            if self.many:
-                steps = self.affordable(TOUR_SHARE, self.pace, LEAST, steps, TOUR_MOST)
-            self.anneal(steps, self.pool[k][2].copy() if again else None)
+                self.anneal(self.steps, self.guided(order))
+        self.anneal_again()
+        if self.brief:
+            self.prove_few()
+            self.brief, self.idle = self.is_close, 0
+            if not self.is_close:
+                self.anneal_again()
         if options["bound"]:
             self.prove_few()
         limit = self.request.control.reason if self.request.control.stopped else None
@@ -190,14 +195,34 @@ class _Search(Starts):
     @property
     def least(self) -> int:
         """Least number of steps of an annealing."""
-        return FEW_STEPS if self.few else LEAST
+        return BRIEF_STEPS if self.brief else LEAST
+
+    @property
+    def steps(self) -> int:
+        """Number of steps of an annealing without a limit."""
+        return self.request.options["steps"] or max(STEPS * self.problem.size, self.least)
+
+    @property
+    def patience(self) -> int:
+        """Number of annealings without a shorter tour after which the search ends."""
+        patience = int(self.request.options["patience"])
+        if self.brief:
+            return max(patience // 2, 1)
+        return MORE * patience if self.few and self.compared is not None else patience
+
+    @property
+    def is_close(self) -> bool:
+        """Whether the gap is so small that no further annealing follows."""
+        if self.best is None or self.bound is None:
+            return False
+        return self.best.length - self.bound <= CLOSE * self.best.length
 
     @property
     def ended(self) -> bool:
         """Whether the search has ended."""
         if self.request.control.stopped or self.request.left() == 0.0 or self.within_gap:
             return True
-        return self.idle * (2 if self.few else 1) >= int(self.request.options["patience"])
+        return self.idle >= self.patience
 
     @property
     def within_gap(self) -> bool:
@@ -249,8 +274,9 @@ class _Search(Starts):
     def prove_few(self) -> None:
         """Raise the bound of a tour over few vehicles, also for short legs."""
         problem, gap = self.problem, self.request.gap
-        if not self.few or self.best is None or self.within_gap:
+        if not self.few or self.best is None or self.within_gap or self.best is self.compared:
             return
+        self.compared = self.best
         edges = EDGES * (MORE_EDGES if gap >= WIDE_GAP else 1)
         bound = prove_poses(
             problem, self.best.length, gap, edges,
@@ -258,6 +284,17 @@ class _Search(Starts):
         )  # fmt: skip
         self.bound = max(bound, self.bound or 0.0)
         self.request.control.prove(self.bound)
+
+    def anneal_again(self) -> None:
+        """Anneal tours from scratch, and those of the pool again, until the search has ended."""
+        steps = self.steps
+        while not self.ended:
+            again = bool(self.pool) and self.many
+            again = again or (len(self.pool) == POOL and self.runs % 2 == 1)
+            k = 0 if self.many or not again else int(self.draw.integers(len(self.pool)))
+            if self.many:
+                steps = self.affordable(TOUR_SHARE, self.pace, LEAST, steps, TOUR_MOST)
+            self.anneal(steps, self.pool[k][2].copy() if again else None)
 
     def fly_nearest(self) -> None:
         """Offer the tour of :meth:`nearest`, which takes milliseconds without compiled loops."""

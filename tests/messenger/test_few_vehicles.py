@@ -11,6 +11,7 @@ import crosstrack as ct
 from crosstrack.models import MessengerTour
 from crosstrack.models.messenger.dubins import relaxed_length, shortest
 from crosstrack.solvers import Termination
+from crosstrack.solvers.messenger import search
 from crosstrack.solvers.messenger.emission import MARGIN, Chain, safe_radius
 from crosstrack.solvers.messenger.pose_bound import prove_poses
 from crosstrack.solvers.messenger.pose_kernels import arrivals, tails
@@ -184,3 +185,30 @@ def test_a_near_miss_is_repaired():
     assert model.verify(plans[0]).ok
     assert plans[0].length == pytest.approx(wide.length, rel=1e-3)
     assert Chain(model).scene.nodes[0, 4] < 5.0
+
+
+def test_the_shortest_tour_over_short_legs_is_found():
+    """Sixteen annealings miss it with this seed, and end at 6.64 m."""
+    draw = np.random.default_rng([113, 77])
+    side = draw.choice([2.0, 4.0, 8.0, 30.0])
+    places = draw.uniform(-side, side, (3, 2))
+    velocities = draw.uniform(-1, 1, (3, 2)) * draw.choice([0.0, 0.2, 0.6])
+    radius = draw.uniform(0.0, 1.0, 3) * draw.choice([0.3, 1.0, 2.0])
+    closed, heading = draw.random() < 0.5, draw.random() < 0.8 and draw.uniform(-3, 3)
+    model = MessengerTour(
+        places,
+        velocities,
+        radius,
+        speed=1.0,
+        turning_radius=1.0,
+        start=[0, 0, heading],
+        closed=bool(closed),
+    )
+    solution = ct.solve(model, "tour-search", seed=2)
+    assert solution.primal_bound == pytest.approx(4.7650774, rel=1e-6)
+
+
+def test_few_annealings_suffice_if_the_gap_is_small():
+    solution = ct.solve(ct.load("messenger/B-02-01"), "tour-search", seed=1)
+    assert 1 - solution.bound / solution.primal_bound < search.CLOSE
+    assert solution.statistics["annealings"] <= 12
