@@ -27,6 +27,7 @@ from typing import IO, Any
 log = logging.getLogger("crosstrack")
 
 __all__ = [
+    "called",
     "callees",
     "compile_here",
     "expected_seconds",
@@ -38,6 +39,7 @@ __all__ = [
     "serve",
     "slowdown",
     "stamp_of",
+    "survey",
     "type_of_callee",
     "wait_for",
 ]
@@ -322,6 +324,22 @@ def type_of_callee() -> Any:
     return Callee
 
 
+@cache
+def survey(function: Callable[..., Any]) -> tuple[frozenset[str], int, bool]:
+    """Return the global names in the bytecode of `function`, its number of instructions, and whether it loops."""
+    # Attributes are no global names, and the entries of the inline cache differ from version to version.
+    code = [(part.opname, part.argval) for part in dis.get_instructions(function)]
+    names = frozenset(value for name, value in code if name == "LOAD_GLOBAL")
+    return names, len(code), any("JUMP_BACKWARD" in name for name, _ in code)
+
+
+def called(kernel: Any) -> dict[str, Any]:
+    """Return the kernels that `kernel` calls directly, by name."""
+    names = kernel.py_func.__globals__
+    parts = {name: names.get(name) for name in survey(kernel.py_func)[0]}
+    return {name: part for name, part in parts.items() if isinstance(part, type(kernel))}
+
+
 def callees(kernel: Any) -> set[Any]:
     """Return `kernel` and the kernels that it calls, directly or through others."""
     result: set[Any] = set()
@@ -330,18 +348,13 @@ def callees(kernel: Any) -> set[Any]:
         item = todo.pop()
         if item not in result:
             result.add(item)
-            names = item.py_func.__code__.co_names
-            values = (item.py_func.__globals__.get(name) for name in names)
-            todo += [value for value in values if isinstance(value, type(kernel))]
+            todo += called(item).values()
     return result
 
 
 def expected_seconds(kernel: Any) -> float:
     """Return the expected compile time of `kernel` and of the kernels that it calls, in seconds."""
-    # The bytecode also has entries of the inline cache, in other numbers from version to version.
-    return _PER_INSTRUCTION * sum(
-        sum(1 for _ in dis.get_instructions(it.py_func)) for it in callees(kernel)
-    )
+    return _PER_INSTRUCTION * sum(survey(part.py_func)[1] for part in callees(kernel))
 
 
 def stamp_of(kernel: Any) -> tuple[object, ...]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dis
 import threading
 from collections.abc import Callable
 from types import FunctionType
 from typing import Any
 
-from .compilation import callees
+from .compilation import called, callees, survey
 from .timing import Limit
 
 __all__ = ["State", "call_directly", "copies_of", "is_small", "restore"]
@@ -76,13 +75,10 @@ def call_directly(kernel: Any) -> Callable[..., Any]:
     and a kernel without arguments has no other purpose.
     """
     function: FunctionType = kernel.py_func
-    values = {name: function.__globals__.get(name) for name in function.__code__.co_names}
     plain = {
-        name: call_directly(value)
-        for name, value in values.items()
-        if isinstance(value, type(kernel))
-        and value.py_func.__code__.co_argcount
-        and not any(map(has_loop, callees(value)))
+        name: value._interpreted
+        for name, value in called(kernel).items()
+        if value.py_func.__code__.co_argcount and not any(map(has_loop, callees(value)))
     }
     if not plain:
         return function
@@ -93,6 +89,6 @@ def call_directly(kernel: Any) -> Callable[..., Any]:
 
 
 def has_loop(kernel: Any) -> bool:
-    """Return whether the Python function of `kernel` contains a loop."""
-    names = (instruction.opname for instruction in dis.get_instructions(kernel.py_func))
-    return any("JUMP_BACKWARD" in name for name in names)
+    """Return whether the Python function of `kernel` contains a loop, or calls itself."""
+    is_recursive = any(kernel in callees(part) for part in called(kernel).values())
+    return is_recursive or survey(kernel.py_func)[2]

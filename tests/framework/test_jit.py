@@ -9,6 +9,7 @@ from collections import deque
 from contextlib import contextmanager
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -123,6 +124,7 @@ def test_a_search_of_neighbours_ends_at_its_budget(monkeypatch, kernel, further)
     first = (states, states) if kernel is neighbour_kernels.mean_partings else (states,)
     assert kernel.py_func(*first, *order, 0, *further)[-1] >= 0
     monkeypatch.setattr(jit._here, "deadline", 1e-9)  # the CPU time of the thread is beyond it
+    monkeypatch.setattr(jit._here, "look", 0.0)  # another test can have set a later time
     with pytest.raises(jit._BudgetUsedUp):
         kernel.py_func(*first, *order, 0, *further)
 
@@ -378,7 +380,6 @@ def test_trajectories_are_the_same_interpreted_and_compiled(order, segments, axe
         solve = sys.modules["crosstrack.solvers.minimum_snap.banded"].solve_factors
         for one in (factorise, solve):  # never interpreted: they work in place
             patch.setattr(one, "_interpreted", one.dispatcher)
-            patch.setattr(one, "py_func", one.dispatcher)
         first = interpreted(backend, model)
     assert first.termination is second.termination
     assert (first.primal_bound, first.dual_bound) == (second.primal_bound, second.dual_bound)
@@ -559,6 +560,51 @@ def test_interpreted_kernels_call_kernels_without_loops_as_functions(budget, mon
     values = np.arange(4.0)
     assert summed(values, np.zeros(1)) == (values / 2 + 1.0).sum()
     assert called == ["summed", *4 * ["added"]]
+
+
+class Columns(NamedTuple):
+    visited: list[bool]
+
+
+@kernel
+def visited(columns, row):
+    return columns.visited[row]
+
+
+@kernel
+def factorial(n):
+    return n * factorial(n - 1) if n else 1
+
+
+@kernel
+def visited_or_factorial(columns, row):
+    return factorial(row) if visited(columns, row) else 0
+
+
+@kernel(interpretable=True)
+def sum_of_visited(columns):
+    result = 0
+    for row in range(len(columns.visited)):
+        result += visited_or_factorial(columns, row)
+    return result
+
+
+def test_an_attribute_with_the_name_of_a_kernel_is_no_call(budget):
+    assert compilation.callees(visited) == {visited}
+    assert compilation.callees(visited_or_factorial) == {visited_or_factorial, visited, factorial}
+    budget(math.inf)
+    assert sum_of_visited(Columns([True, False, True, True])) == 1 + 2 + 6
+    assert visited_or_factorial._interpreted.__globals__["visited"] is visited.py_func
+    assert visited_or_factorial._interpreted.__globals__["factorial"] is factorial
+
+
+def test_a_search_of_simple_routes_is_interpreted(budget):
+    """Its labels have a column with the name of a kernel; the search for that kernel's callees did not end."""
+    budget(math.inf)
+    model = random_small(8, 348)
+    backend = find_backend("label-setting", model)
+    answer = backend.run(model, Request(options=backend.checked_options({})))
+    assert answer.termination.value == "optimal"
 
 
 def test_a_kernel_in_no_cache_is_requested_after_half_of_its_further_budget(budget, monkeypatch):
