@@ -177,8 +177,8 @@ class LyapunovSpectrum(AttractorBackend):
         resolved = min(resolved, count)
         deviations[resolved:] = np.maximum(deviations[resolved:], np.abs(values[resolved:]))
         rate = 1.0 / (step * problem.period)
-        rates, errors = (tuple((x * rate).tolist()) for x in (values, deviations))
-        spectrum = Spectrum(rates, errors, resolved, neighbours, step)
+        rates, widths = (tuple((x * rate).tolist()) for x in (values, deviations))
+        spectrum = Spectrum(rates, widths, resolved, neighbours, step)
         figures = {"resolved directions": resolved, "other fits": others}
         message = ""
         if resolved < count:
