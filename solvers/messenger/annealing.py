@@ -83,9 +83,8 @@ def _amplify(stops: Stops, count: int, scene: Scene, growth: Floats) -> None:
 
     For a leg in direction u from stop a to stop b it is (v - u.V_a) / (v - u.V_b), with poses fixed to the vehicles.
     """
-    order, times, poses, nodes, speed = (
-        stops.order, stops.times, stops.poses, scene.nodes, scene.speed
-    )  # fmt: skip
+    order, times, poses = stops.order, stops.times, stops.poses
+    nodes, speed = scene.nodes, scene.speed
     growth[count - 1] = 1.0
     if scene.closed:
         i = order[count - 1]

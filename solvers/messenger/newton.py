@@ -253,9 +253,8 @@ def _limit(
     The shares keep variables positive and turns below 1 rad.
     """
     dy, du, dt = change
-    all_u, all_z, bend, radius, curve, tilt = (
-        point.u, prices.z, legs.bend, legs.radius, model.curve, model.tilt
-    )  # fmt: skip
+    all_u, all_z, bend, radius = point.u, prices.z, legs.bend, legs.radius
+    curve, tilt = model.curve, model.tilt
     ahead, dual, size, slope = 1.0, 1.0, 0.0, dy[len(du), 3]
     weight[:] = 1.0
     for j in range(len(du)):

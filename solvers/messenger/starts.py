@@ -84,11 +84,8 @@ class Starts:
 
     def lay(self, chain: Chain) -> Chain:
         """Anneal the order of `chain`, which stops at every vehicle, and return the chain of its path."""
-        order, scene, flag = (
-            chain.stops.order[: chain.count].copy(),
-            chain.scene,
-            self.request.control.flag,
-        )
+        order = chain.stops.order[: chain.count].copy()
+        scene, flag = chain.scene, self.request.control.flag
         path, n = np.zeros((len(order), 4)), self.problem.size
         path[0, :3] = *chain.scene.nodes[order[0], :2], chain.stops.poses[order[0], 2]
         path[0, :2] += chain.stops.poses[order[0], :2]
