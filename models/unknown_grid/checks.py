@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,7 @@ from numpy.typing import NDArray
 from ..verification import Check, Verification
 from .moving import obstacle_tracks
 from .plan import NavigationRuns, Outcome
-from .scenes import Corners
-
-if TYPE_CHECKING:
-    from .model import UnknownGridNavigation
+from .scenes import Corners, Scenes
 
 __all__ = ["Replay", "has_way", "replay", "verify_runs"]
 
@@ -96,9 +93,7 @@ def has_way(
     return bool(parts[start] == parts[target])
 
 
-def verify_runs(
-    model: UnknownGridNavigation, plan: NavigationRuns, tolerance: float
-) -> Verification:
+def verify_runs(model: Scenes, plan: NavigationRuns, tolerance: float) -> Verification:
     """Return the mean cost of the runs in steps, and one check per kind of outcome.
 
     The cost of a run is its number of steps if it reached the target, or if its outcome is

@@ -8,17 +8,14 @@ then remains in its cell. An obstacle that enters the cell of a waiting vehicle 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
 from .plan import LETTERS, MOVES
-from .scenes import Corners, actions_of
-
-if TYPE_CHECKING:
-    from .model import UnknownGridNavigation
+from .scenes import Corners, Scenes, actions_of
 
 __all__ = ["FAR", "Grid", "descend", "fewest_run", "is_open", "meets", "obstacle_tracks", "spread"]
 
@@ -32,7 +29,7 @@ Truths = NDArray[np.bool_]
 FAR = 2**30
 
 
-def obstacle_tracks(model: UnknownGridNavigation) -> Ints:
+def obstacle_tracks(model: Scenes) -> Ints:
     """Return the cells of the moving obstacles after 0 … `steps` steps, shape (k, moving, steps + 1, 2).
 
     On a declared track of n cells an obstacle moves to and fro. Otherwise it begins in a random free cell other
@@ -169,7 +166,7 @@ def spread_in_time(grid: Grid, tracks: Ints, start: int, target: int, taken: Cel
     return -1
 
 
-def fewest_run(model: UnknownGridNavigation, scene: int, tracks: Ints | None = None) -> str | None:
+def fewest_run(model: Scenes, scene: int, tracks: Ints | None = None) -> str | None:
     """Return the actions of a run with the fewest steps, and the fewest collisions of these, or None.
 
     With moving obstacles, the search covers all cells after each number of steps up to the limit on the steps.

@@ -1,22 +1,30 @@
-"""Enumerations and aspects of a model, and checks of its fields that contradict one another."""
+"""Enumerations, fields and aspects of a model, and checks of its fields that contradict one another."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ..fields import show
 from ..grid_path.model import Connectivity
+from .camera import Camera
 from .plan import LETTERS
 
-if TYPE_CHECKING:
-    from .model import UnknownGridNavigation
-
-__all__ = ["MOST", "Aspect", "Corners", "Hover", "actions_of", "aspects_of", "check_aspects"]
+__all__ = [
+    "MOST",
+    "Aspect",
+    "Corners",
+    "Hover",
+    "Scenes",
+    "actions_of",
+    "aspects_of",
+    "check_aspects",
+]
 
 #: Maximum number of cells of all maps together, of steps of all moving obstacles together, and of rows and columns
 #: of a view with occlusion.
@@ -50,7 +58,46 @@ class Aspect(StrEnum):
     SEARCH = "an unknown target"
 
 
-def aspects_of(model: UnknownGridNavigation) -> frozenset[Aspect]:
+class Scenes(Protocol):
+    """Fields of :class:`~crosstrack.models.unknown_grid.UnknownGridNavigation`, whose module imports those that use them."""
+
+    @property
+    def blocked(self) -> NDArray[np.bool_]: ...
+    @property
+    def starts(self) -> NDArray[np.int64]: ...
+    @property
+    def targets(self) -> NDArray[np.int64]: ...
+    @property
+    def shape(self) -> NDArray[np.int64]: ...
+    @property
+    def view(self) -> NDArray[np.int64]: ...
+    @property
+    def steps(self) -> int: ...
+    @property
+    def uav(self) -> Hover: ...
+    @property
+    def camera(self) -> Camera | None: ...
+    @property
+    def connectivity(self) -> Connectivity: ...
+    @property
+    def corners(self) -> Corners: ...
+    @property
+    def occlusion(self) -> bool: ...
+    @property
+    def false_obstacles(self) -> float: ...
+    @property
+    def missed_obstacles(self) -> float: ...
+    @property
+    def target_known(self) -> bool: ...
+    @property
+    def moving(self) -> int: ...
+    @property
+    def tracks(self) -> NDArray[np.int64] | None: ...
+    @property
+    def world_seed(self) -> int: ...
+
+
+def aspects_of(model: Scenes) -> frozenset[Aspect]:
     """Return the aspects of a model, which may lack its hidden fields."""
     present = {
         Aspect.EIGHT: model.connectivity is Connectivity.EIGHT,
@@ -62,13 +109,13 @@ def aspects_of(model: UnknownGridNavigation) -> frozenset[Aspect]:
     return frozenset(aspect for aspect, here in present.items() if here)
 
 
-def actions_of(model: UnknownGridNavigation) -> str:
+def actions_of(model: Scenes) -> str:
     """Return the letters of the allowed actions. Waiting is the last one."""
     count = 8 if model.connectivity is Connectivity.EIGHT else 4
     return LETTERS[:count] + LETTERS[8:] * (model.moving > 0)
 
 
-def check_aspects(model: UnknownGridNavigation) -> None:
+def check_aspects(model: Scenes) -> None:
     """Raise if the fields of neighbours, sensor and moving obstacles contradict one another or the maps."""
 
     def fail(field: str, allowed: str, value: Any) -> None:
@@ -98,7 +145,7 @@ def check_aspects(model: UnknownGridNavigation) -> None:
         fail("steps", f"be at most {MOST} / cells of a map with moving obstacles", model.steps)
 
 
-def _check_tracks(model: UnknownGridNavigation, fail: Callable[[str, str, Any], None]) -> None:
+def _check_tracks(model: Scenes, fail: Callable[[str, str, Any], None]) -> None:
     """Raise if the tracks are not paths through free cells that begin beside the start."""
     tracks = model.tracks
     assert tracks is not None

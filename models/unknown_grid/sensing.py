@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ...jit import kernel
-
-if TYPE_CHECKING:
-    from .model import UnknownGridNavigation
+from .scenes import Scenes
 
 __all__ = ["BLOCKED", "FREE", "TARGET", "UNKNOWN", "in_sight", "sense"]
 
@@ -54,7 +50,7 @@ def in_sight(blocked: Truths, seen: Truths) -> None:
 
 
 def sense(
-    model: UnknownGridNavigation, others: Ints, scenes: Ints, taken: Ints, vehicles: Ints, corners: Ints,
+    model: Scenes, others: Ints, scenes: Ints, taken: Ints, vehicles: Ints, corners: Ints,
     views: Cells, exact: bool = False,
 ) -> Cells:  # fmt: skip
     """Return the readings of the sensor in the views of n scenes, shape (n, rows, columns).

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,8 @@ from ..fields import show
 from .camera import PIXELS
 from .moving import meets, obstacle_tracks
 from .plan import LETTERS, MOVES, NavigationRuns
-from .scenes import Corners, Hover, actions_of, aspects_of
+from .scenes import Corners, Hover, Scenes, actions_of, aspects_of
 from .sensing import BLOCKED, FREE, TARGET, UNKNOWN, sense
-
-if TYPE_CHECKING:
-    from .model import UnknownGridNavigation
 
 __all__ = [
     "BLOCKED",
@@ -72,7 +69,7 @@ class Looks(NamedTuple):
     view: Floats
 
     @classmethod
-    def read(cls, problem: UnknownGridNavigation, scenes: Ints, answers: Floats) -> Looks:
+    def read(cls, problem: Scenes, scenes: Ints, answers: Floats) -> Looks:
         """Return the observations in the answers of a :class:`World`."""
         head = answers[:, :_HEAD].astype(np.int64)
         positions, corners = head[:, :2].copy(), head[:, 2:4].copy()
@@ -96,7 +93,7 @@ class World:
         Scene of each run, by default one run per scene. Questions then have the number of a run as their scene.
     """
 
-    def __init__(self, problem: UnknownGridNavigation, scenes: Ints | None = None) -> None:
+    def __init__(self, problem: Scenes, scenes: Ints | None = None) -> None:
         self.problem = problem
         total, (rows, columns) = len(problem.starts), problem.shape.tolist()
         #: Scene of each run. An entry may change before a restart of its run.
