@@ -26,9 +26,9 @@ Floats = NDArray[np.float64]
 WINDOW = 1.0
 #: Speed (m/s) below which tyres are not compared with kinematics: tight turns at low speed have large angles.
 SLOW = 5.0
-#: Sensors without their inputs, and ratio of a value's difference from the median of five samples to the 80 % quantile of these
-#: differences above which it is a spike: 14 deviations of normal noise. Noise and spikes are measured with at least `LEAST` samples.
-SENSORS, SPIKE, LEAST = ("yaw_rate", "lateral_acceleration"), 12.0, 100
+#: Sensors without their inputs, and ratio of a value's difference from the median of five samples to the deviation of the noise
+#: above which it is a spike. The noise is measured with at least `LEAST` third differences.
+SENSORS, SPIKE, LEAST = ("yaw_rate", "lateral_acceleration"), 14.0, 100
 
 
 @np.errstate(over="ignore")  # an overflow gives an infinite error, which is no valid objective
@@ -99,17 +99,17 @@ def sensor_noises(recording: Recording) -> Floats:
 def without_spikes(recording: Recording) -> Recording:
     """Return a recording whose spikes of one or two samples of both sensors are replaced by the median of five samples.
 
-    Other samples do not change. The result is `recording` itself if nothing changes. Fewer than 100 samples are not compared.
+    A spike differs from the median by 14 deviations of the noise, and by 14 times the median difference of the five samples: a
+    value in a fast turn or among vibrations of a kerb is none. The result is `recording` itself if nothing changes.
     """
     changes = {}
-    for name in SENSORS if len(recording) >= LEAST else ():
+    for name, noise in zip(SENSORS, sensor_noises(recording), strict=True):
         values = getattr(recording, name)
-        padded = np.pad(values, 2, mode="edge")
-        middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1)
-        apart = np.abs(values - middle)
-        usual = np.quantile(apart, 0.8)
-        spikes = apart > SPIKE * usual
-        if usual > 0.0 and spikes.any():
+        near = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, mode="edge"), 5)
+        middle = np.median(near, axis=1)
+        usual = np.median(np.abs(near - middle[:, None]), axis=1)
+        spikes = np.abs(values - middle) > SPIKE * np.maximum(usual, noise)
+        if noise > 0.0 and spikes.any():
             changes[name] = np.where(spikes, middle, values)
     return replace(recording, **changes) if changes else recording
 

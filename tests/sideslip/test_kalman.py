@@ -24,6 +24,7 @@ from sideslip.filters import (
 import crosstrack as ct
 from crosstrack.instances.sideslip.generator import generate
 from crosstrack.models.sideslip import Recording, SideslipEstimate, SideslipEstimation, Vehicle
+from crosstrack.models.sideslip.checks import without_spikes
 from crosstrack.models.sideslip.dynamics import linearise
 from crosstrack.solvers.contract.backend import Request, Termination
 from crosstrack.solvers.contract.control import Control
@@ -323,6 +324,18 @@ def test_spikes_change_neither_the_choice_nor_the_angle(drivers: int, name: str)
     error, least = (model.verify(entry.point).objective for entry in (found, usual))
     assert error < 1.1 * least
     assert model.coverage(found.point) >= 0.9
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_turns_steps_and_vibrations_are_no_spikes(seed: int) -> None:
+    drive = generate("serpentine", seed=seed, drivers=0).recording
+    kerb = np.zeros(len(drive))
+    kerb[100:] += 10.0  # a step of 1 g
+    kerb[200:206] = 20.0, -5.0, 18.0, -2.0, 22.0, 1.0
+    for addition in (0.0, kerb):
+        side = drive.lateral_acceleration + addition
+        rough = dataclasses.replace(drive, lateral_acceleration=side)
+        assert without_spikes(rough) is rough
 
 
 def test_the_smoother_uses_the_noise_that_it_measures() -> None:
