@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .data import Recording, Vehicle
+from .data import LOW_SPEED, Recording, Vehicle
 
 __all__ = [
     "SENSORS",
@@ -17,7 +17,8 @@ __all__ = [
     "linear_contradiction",
     "mean_error",
     "sensor_noises",
-    "without_spikes",
+    "stuck_samples",
+    "without_faults",
 ]
 
 Floats = NDArray[np.float64]
@@ -29,6 +30,8 @@ SLOW = 5.0
 #: Sensors without their inputs, and ratio of a value's difference from the median of five samples to the deviation of the noise
 #: above which it is a spike. The noise is measured with at least `LEAST` third differences.
 SENSORS, SPIKE, LEAST = ("yaw_rate", "lateral_acceleration"), 14.0, 100
+#: Least duration (s) and number of repetitions of a value by a stuck sensor, and share of other repetitions above which it is rounded.
+STUCK, REPEATS, ROUNDED = 1.0, 20, 0.1
 
 
 @np.errstate(over="ignore")  # an overflow gives an infinite error, which is no valid objective
@@ -96,11 +99,30 @@ def sensor_noises(recording: Recording) -> Floats:
     return np.asarray(np.median(third, axis=1) / 0.6745 / np.sqrt(20.0))
 
 
-def without_spikes(recording: Recording) -> Recording:
-    """Return a recording whose spikes of one or two samples of both sensors are replaced by the median of five samples.
+def stuck_samples(recording: Recording) -> NDArray[np.bool_]:
+    """Return the samples in motion at which each sensor repeats a value for a second or more, shape (2, n).
 
-    A spike differs from the median by 14 deviations of the noise, and by 14 times the median difference of the five samples: a
-    value in a fast turn or among vibrations of a kerb is none. The result is `recording` itself if nothing changes.
+    A sensor without noise, or one that often repeats its value because it is rounded, is not stuck.
+    """
+    result = np.zeros((2, len(recording)), bool)
+    for row, name, noise in zip(result, SENSORS, sensor_noises(recording), strict=True):
+        same = np.diff(getattr(recording, name)) == 0.0
+        first, last = np.flatnonzero(np.diff(np.pad(same, 1).astype(int))).reshape(-1, 2).T
+        times = recording.times
+        long = (times[last] - times[first] >= STUCK) & (last - first >= REPEATS)
+        others = np.count_nonzero(same) - (last - first)[long].sum()
+        if noise > 0.0 and others <= ROUNDED * len(same):
+            for begin, end in zip(first[long], last[long], strict=True):
+                row[begin : end + 1] = recording.moving[begin : end + 1]
+    return result
+
+
+def without_faults(recording: Recording) -> Recording:
+    """Return a recording without spikes of one or two samples and without stuck values of both sensors.
+
+    The median of five samples replaces a spike, which differs from it by 14 deviations of the noise, and by 14 times the
+    median difference of the five samples: values in fast turns and vibrations of kerbs remain. A stuck sensor is replaced by the
+    other one, with a constant angle: a = u ω. The result is `recording` itself if nothing changes.
     """
     changes = {}
     for name, noise in zip(SENSORS, sensor_noises(recording), strict=True):
@@ -111,6 +133,13 @@ def without_spikes(recording: Recording) -> Recording:
         spikes = np.abs(values - middle) > SPIKE * np.maximum(usual, noise)
         if noise > 0.0 and spikes.any():
             changes[name] = np.where(spikes, middle, values)
+    stuck = stuck_samples(recording)
+    for name, wrong, power in zip(SENSORS, stuck & ~stuck[::-1], (-1.0, 1.0), strict=True):
+        if wrong.any():
+            other = SENSORS[name == SENSORS[0]]
+            speed = np.maximum(recording.speed, LOW_SPEED) ** power
+            values = speed * changes.get(other, getattr(recording, other))
+            changes[name] = np.where(wrong, values, changes.get(name, getattr(recording, name)))
     return replace(recording, **changes) if changes else recording
 
 
@@ -123,15 +152,18 @@ def linear_contradiction(
     With linear tyres yaw rate, acceleration and steering angle of one sample determine the angle. Its changes over one
     second are compared with those of kinematics, as in :func:`kinematic_error`. The largest absolute difference shows
     tyres that slide or a wrong vehicle. The absolute mean shows a sensor with a bias or a bank of the road. It is the largest
-    one of all stretches of `seconds`, or that of the whole recording if it is shorter. Spikes of a sensor are left out.
+    one of all stretches of `seconds`, or that of the whole recording if it is shorter. Spikes of a sensor and
+    seconds with a stuck sensor are left out.
     """
-    recording = without_spikes(recording)
+    stuck = np.cumsum(np.pad(stuck_samples(recording).any(axis=0), (1, 0)))
+    recording = without_faults(recording)
     front, rear = vehicle.cornering_front, vehicle.cornering_rear
     arm = (vehicle.rear * rear - vehicle.front * front) / np.maximum(recording.speed, SLOW)
     force = front * recording.steering + arm * recording.yaw_rate
     angle = (force - vehicle.mass * recording.lateral_acceleration) / (front + rear)
     apart, first, last = kinematic_differences(recording, angle)
-    apart = apart[np.minimum(recording.speed[first], recording.speed[last]) >= SLOW]
+    fast = np.minimum(recording.speed[first], recording.speed[last]) >= SLOW
+    apart = apart[fast & (stuck[last + 1] == stuck[first])]
     if not apart.size:
         return 0.0, 0.0
     count = int(min(max(seconds / recording.period, 1.0), apart.size))

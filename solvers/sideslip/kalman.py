@@ -16,7 +16,7 @@ from ...models.sideslip.checks import sensor_noises
 from ...models.sideslip.model import NOISIER, SideslipEstimation
 from ..contract.backend import Request
 from .mismatch import mismatch
-from .native import Estimate, SideslipBackend, leave_spikes_out
+from .native import Estimate, SideslipBackend, leave_faults_out
 from .passes import FilterPass, filter_drive, smooth_drive
 
 __all__ = ["KalmanFilter", "RtsSmoother", "claim"]
@@ -70,7 +70,7 @@ class KalmanFilter(SideslipBackend):
 class RtsSmoother(SideslipBackend):
     """Rauch-Tung-Striebel smoother. Each angle uses all samples.
 
-    Spikes of the sensors are left out. If a sensor is more than twice as noisy as declared, its measured noise is used: with a
+    Spikes and stuck values of the sensors are left out. If a sensor is more than twice as noisy as declared, its measured noise is used: with a
     smaller one the errors of the vehicle are attributed to the angle.
     """
 
@@ -78,8 +78,8 @@ class RtsSmoother(SideslipBackend):
     summary = "Rauch-Tung-Striebel smoother: the Kalman filter, run back over all samples"
 
     def revise(self, problem: SideslipEstimation) -> tuple[SideslipEstimation, str]:
-        """Return the model without spikes and with the measured noise of the sensors, if it is clearly larger."""
-        problem, remark = leave_spikes_out(problem)
+        """Return the model without faults of the sensors and with the measured noise of the sensors, if it is clearly larger."""
+        problem, remark = leave_faults_out(problem)
         measured, declared = sensor_noises(problem.recording), problem.sensor_noises
         noise = np.where(measured > NOISIER * declared, measured, declared)
         if np.array_equal(noise, declared):

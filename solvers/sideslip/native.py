@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from ...errors import UnsupportedFormulation
 from ...jit import clock
-from ...models.sideslip.checks import SENSORS, without_spikes
+from ...models.sideslip.checks import SENSORS, stuck_samples, without_faults
 from ...models.sideslip.data import UNKNOWN
 from ...models.sideslip.model import SideslipEstimation
 from ...models.sideslip.plan import SideslipEstimate
 from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
-from .gates import apply_gates, small_angle_error
+from .gates import apply_gates, small_angle_error, time_ranges
 
-__all__ = ["UNKNOWN", "Estimate", "SideslipBackend", "leave_spikes_out"]
+__all__ = ["UNKNOWN", "Estimate", "SideslipBackend", "leave_faults_out"]
 
 Floats = NDArray[np.float64]
 
@@ -53,21 +53,27 @@ class Estimate(NamedTuple):
     grip_lost: tuple[tuple[float, float], ...] = ()
 
 
-def leave_spikes_out(problem: SideslipEstimation) -> tuple[SideslipEstimation, str]:
-    """Return a model without the spikes of its sensors, see :func:`without_spikes`, and a message on them."""
+def leave_faults_out(problem: SideslipEstimation) -> tuple[SideslipEstimation, str]:
+    """Return a model without faults of its sensors, see :func:`without_faults`, and a message on them."""
     drives = problem.recording, *problem.training
-    here, *training = (without_spikes(drive) for drive in drives)
+    here, *training = (without_faults(drive) for drive in drives)
     if all(new is old for new, old in zip((here, *training), drives, strict=True)):
         return problem, ""
-    count = sum(
-        int(np.count_nonzero(getattr(here, name) != getattr(drives[0], name))) for name in SENSORS
-    )
-    remark = (
-        f"spikes of the sensors ({count}) are replaced by the median of five samples"
-        if count
-        else ""
-    )
-    return replace(problem, recording=here, training=tuple(training), truth=None), remark
+    remarks = []
+    spikes = 0
+    for name, wrong in zip(SENSORS, stuck_samples(drives[0]), strict=True):
+        differs = getattr(here, name) != getattr(drives[0], name)
+        spikes += int(np.count_nonzero(differs & ~wrong))
+        if (differs & wrong).any():
+            remarks.append(
+                f"{name} is stuck at {time_ranges(drives[0], wrong)}: it is replaced by the other sensor"
+            )
+    if spikes:
+        remarks.append(
+            f"spikes of the sensors ({spikes}) are replaced by the median of five samples"
+        )
+    replaced = replace(problem, recording=here, training=tuple(training), truth=None)
+    return replaced, "; ".join(remarks)
 
 
 class SideslipBackend(Backend):

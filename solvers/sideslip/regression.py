@@ -25,7 +25,7 @@ from .learning import (
     relative_size,
     training_set,
 )
-from .native import Estimate, SideslipBackend, leave_spikes_out
+from .native import Estimate, SideslipBackend, leave_faults_out
 
 __all__ = ["Grnn", "KalmanGrnn", "LinearRegression", "SmootherGrnn"]
 
@@ -287,8 +287,8 @@ class SmootherGrnn(KalmanGrnn):
     corrected = RtsSmoother
 
     def revise(self, problem: SideslipEstimation) -> tuple[SideslipEstimation, str]:
-        """Return the model without spikes of the sensors."""
-        return leave_spikes_out(problem)
+        """Return the model without faults of the sensors."""
+        return leave_faults_out(problem)
 
 
 class LinearRegression(_Learning):

@@ -24,7 +24,7 @@ from sideslip.filters import (
 import crosstrack as ct
 from crosstrack.instances.sideslip.generator import generate
 from crosstrack.models.sideslip import Recording, SideslipEstimate, SideslipEstimation, Vehicle
-from crosstrack.models.sideslip.checks import without_spikes
+from crosstrack.models.sideslip.checks import stuck_samples, without_faults
 from crosstrack.models.sideslip.dynamics import linearise
 from crosstrack.solvers.contract.backend import Request, Termination
 from crosstrack.solvers.contract.control import Control
@@ -335,7 +335,35 @@ def test_turns_steps_and_vibrations_are_no_spikes(seed: int) -> None:
     for addition in (0.0, kerb):
         side = drive.lateral_acceleration + addition
         rough = dataclasses.replace(drive, lateral_acceleration=side)
-        assert without_spikes(rough) is rough
+        assert without_faults(rough) is rough
+
+
+@pytest.mark.parametrize("name", ["yaw_rate", "lateral_acceleration"])
+def test_the_other_sensor_replaces_a_stuck_one(name: str) -> None:
+    model = generate(drivers=0)
+    values = getattr(model.recording, name).copy()
+    values[150:190] = values[150]
+    stuck = dataclasses.replace(
+        model, recording=dataclasses.replace(model.recording, **{name: values})
+    )
+    backend = recommended(stuck)
+    assert backend.name == "rts-smoother"
+    result = backend.run(stuck.blinded(), Request())
+    assert f"{name} is stuck at 7.5-9.45 s: it is replaced by the other sensor" in result.message
+    usual = model.verify(answer(model, RtsSmoother).point).objective
+    assert stuck.verify(result.point).objective < 2.5 * usual
+    assert stuck.coverage(result.point) >= 0.9
+
+
+def test_short_repetitions_and_rounded_values_are_not_stuck() -> None:
+    drive = generate(drivers=0).recording
+    side = drive.lateral_acceleration.copy()
+    side[150:170] = side[150]  # 19 steps of 0.05 s
+    short = dataclasses.replace(drive, lateral_acceleration=side)
+    assert not stuck_samples(short).any()
+    rounded = np.round(drive.lateral_acceleration / 0.1) * 0.1
+    rounded[150:190] = rounded[150]
+    assert not stuck_samples(dataclasses.replace(drive, lateral_acceleration=rounded)).any()
 
 
 def test_the_smoother_uses_the_noise_that_it_measures() -> None:
