@@ -10,16 +10,9 @@ from numpy.typing import NDArray
 from .data import LOW_SPEED, Recording, Vehicle
 
 __all__ = [
-    "SENSORS",
-    "kinematic_differences",
-    "kinematic_error",
-    "kinematic_rate",
-    "linear_contradiction",
-    "mean_error",
-    "sensor_noises",
-    "stuck_samples",
-    "without_faults",
-]
+    "SENSORS", "kinematic_differences", "kinematic_error", "kinematic_rate", "linear_contradiction",
+    "mean_error", "sensor_noises", "stuck_samples", "without_faults",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 

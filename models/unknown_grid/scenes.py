@@ -16,15 +16,8 @@ from .camera import Camera
 from .plan import LETTERS
 
 __all__ = [
-    "MOST",
-    "Aspect",
-    "Corners",
-    "Hover",
-    "Scenes",
-    "actions_of",
-    "aspects_of",
-    "check_aspects",
-]
+    "MOST", "Aspect", "Corners", "Hover", "Scenes", "actions_of", "aspects_of", "check_aspects",
+]  # fmt: skip
 
 #: Maximum number of cells of all maps together, of steps of all moving obstacles together, and of rows and columns
 #: of a view with occlusion.

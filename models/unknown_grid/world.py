@@ -17,17 +17,9 @@ from .scenes import Corners, Hover, Scenes, actions_of, aspects_of
 from .sensing import BLOCKED, FREE, TARGET, UNKNOWN, sense
 
 __all__ = [
-    "BLOCKED",
-    "FREE",
-    "GOING",
-    "LOOK",
-    "OUT_OF_STEPS",
-    "REACHED",
-    "TARGET",
-    "UNKNOWN",
-    "Looks",
+    "BLOCKED", "FREE", "GOING", "LOOK", "OUT_OF_STEPS", "REACHED", "TARGET", "UNKNOWN", "Looks",
     "World",
-]
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -41,16 +41,9 @@ from ...models.sideslip.model import SideslipEstimation
 from .learning import Window, training_set
 
 __all__ = [
-    "Gated",
-    "apply_gates",
-    "calibrate_reference",
-    "find_contradictions",
-    "intervals",
-    "measure_history_distance",
-    "measure_training_distance",
-    "small_angle_error",
-    "time_ranges",
-]
+    "Gated", "apply_gates", "calibrate_reference", "find_contradictions", "intervals",
+    "measure_history_distance", "measure_training_distance", "small_angle_error", "time_ranges",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 

@@ -12,14 +12,9 @@ from numpy.typing import NDArray
 from ...models.sideslip.data import LOW_SPEED, Recording
 
 __all__ = [
-    "KernelRegression",
-    "Scale",
-    "StraightLine",
-    "TrainingSet",
-    "Window",
-    "curve_features",
+    "KernelRegression", "Scale", "StraightLine", "TrainingSet", "Window", "curve_features",
     "training_set",
-]
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
 
