@@ -38,7 +38,7 @@ log = logging.getLogger("crosstrack")
 _LENGTHS = {"metres": 1.0, "feet": 0.3048, "us-feet": 1200 / 3937}
 _UNITS = (*_LENGTHS, "degrees")
 #: Authority and code in the name of a reference system, such as ``urn:ogc:def:crs:EPSG::2263``.
-_CODE = re.compile(r"(EPSG|ESRI)[:/.](?:[\w.]*[:/#])?(\d+)\b", re.IGNORECASE)
+_CODE = re.compile(r"(EPSG|ESRI)[:/. ](?:[\w.]*[:/#])?(\d+)\b", re.IGNORECASE)
 #: Radius of Web Mercator, whose metres grow with the latitude, m.
 _RADIUS = 6378137.0
 
@@ -172,7 +172,7 @@ def planar(content: Mapping[str, Any], groups: list[Any], units: Any, where: str
         raise InvalidData(
             f"{field} must be one of {', '.join(_UNITS)}, got {show(unit)}: convert the coordinates, "
             "or give their unit by --data units=…",
-            field="coordinates",
+            field="coordinates" if units is None else "units",
         )
     crs = content.get("crs")
     stated = crs.get("properties") if isinstance(crs, Mapping) else None
@@ -186,7 +186,7 @@ def planar(content: Mapping[str, Any], groups: list[Any], units: Any, where: str
         if unit == "other":
             raise InvalidData(
                 f"coordinates in {name} must be metres, feet or degrees: convert them, e.g. with "
-                "ogr2ogr -t_srs EPSG:4326 new.geojson",
+                f"ogr2ogr -t_srs EPSG:4326 new.geojson {where}",
                 field="units",
             )
         if name and unit in _LENGTHS:
@@ -213,7 +213,7 @@ def _unit_of(name: str) -> str:
     """Return the unit of a reference system: one of ``_UNITS``, "mercator", "other", or "" if unknown."""
     match = _CODE.search(name)
     if match is None:
-        return "degrees" if re.search(r"CRS(84|83|27)\b|WGS[ _]?(19)?84$", name) else ""
+        return "degrees" if re.search(r"CRS:?(84|83|27)h?\b|WGS[ _]?(19)?84$", name) else ""
     text = (files(__package__) / "reference_systems.toml").read_text("utf-8")
     for unit, ranges in tomllib.loads(text)[match[1].upper()].items():
         for low, _, high in (part.partition("-") for part in ranges.split()):

@@ -211,9 +211,14 @@ def test_geojson_states_its_unit(tmp_path):
     ):
         ct.load(path, data={"vehicles": 1})
     assert ct.load(path, data={"vehicles": 1, "units": "metres"}).points[1, 0] == 100.5
+    with pytest.raises(InvalidData, match="units must be one of") as caught:
+        ct.load(path, model="fleet-routing", data={"vehicles": 1, "units": "chains"})
+    assert caught.value.field == "units"
     crs = '"crs": {{"type": "name", "properties": {{"name": {}}}}},'
     # China Geodetic Coordinate System 2000
-    for name in ("urn:ogc:def:crs:EPSG::4490", "http://www.opengis.net/def/crs/EPSG/0/4490"):
+    for name in (
+        "urn:ogc:def:crs:EPSG::4490", "http://www.opengis.net/def/crs/EPSG/0/4490", "EPSG 4490", "CRS:84"
+    ):  # fmt: skip
         path.write_text(POINTS_IN.format(crs.format(json.dumps(name))))
         fleet = ct.load(path, data={"vehicles": 1})
         assert np.ptp(fleet.points[:, 0]) == pytest.approx(42_697.6, rel=1e-4)
@@ -282,7 +287,7 @@ def test_feet_are_converted_to_metres(tmp_path, caplog):
         assert points[1, 0] - points[0, 0] == pytest.approx(metres, rel=1e-9)
         assert f"{crs} are read as" in caplog.text
     path.write_text(everyday.collection(*shapes, crs="EPSG::24370"))  # Indian yards
-    with pytest.raises(InvalidData, match=r"EPSG::24370 must be metres, feet or degrees.*ogr2ogr"):
+    with pytest.raises(InvalidData, match=r"EPSG::24370 must be .* degrees.*new.geojson .*stops"):
         ct.load(path, data={"vehicles": 1})
     assert ct.load(path, data={"vehicles": 1, "units": "feet"}).points[0, 0] == 980000 * 0.3048
     areas = everyday.collection(("Polygon", everyday.SQUARE, {}), units="us-feet")
