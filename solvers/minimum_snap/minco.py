@@ -168,8 +168,8 @@ class Search:
         share = (0.5, 0.5) if loosen else (1.0 if spare else 0.5, 1.5)
         least = -0.01 if loosen else 0.0
         moved = [
-            np.maximum(0.0, margin + part * np.maximum(peak + spare, least))
-            for margin, part, peak, spare in zip(
+            np.maximum(0.0, margin + part * np.maximum(peak + slack, least))
+            for margin, part, peak, slack in zip(
                 self.margins, share, peaks, (spare, 0.25 * KEPT), strict=True
             )
         ]
@@ -376,22 +376,26 @@ def _finish(
     settled: bool,
 ) -> Fastest:
     """Stretch time to the limits, and further until `exact` accepts."""
-    spare, best = 0.0, (np.inf, search.x)
-    for _ in range(ROUNDS if not search.flag[0] else 0):
+    spare, least, best = 0.0, np.inf, search.x
+    for _ in range(ROUNDS):
+        if search.flag[0]:
+            break
         # Slower motions along the same path do not help a path that leaves its polytopes. With
         # a jerk along the thrust, they may turn faster: further descents need less slowing.
         if search.move_margins(loosen=False, spare=spare) <= 0.0:
             begin, total = search.x.copy(), float(search.durations.sum())
-            if search.stretch_to_limits():
-                after = float(search.durations.sum())
-                best = min(best, (after, search.x.copy()), key=lambda pair: pair[0])
-                if after <= (1.0 + SLOWER) * total:
-                    break
+            if not search.stretch_to_limits():
+                break
+            after = float(search.durations.sum())
+            value = prices[0] * after + prices[1] * search.jets()[1]
+            if value < least:
+                least, best = value, search.x.copy()
+            if after <= (1.0 + SLOWER) * total:
+                break
             search.x[:] = begin
             spare = 1.5 * KEPT
         search.descend(*prices, REPAIR, 0.0 if spare else DECREASE)
-    if best[0] < np.inf:
-        search.x[:] = best[1]
+    search.x[:] = best
     kept = search.stretch_to_limits()
     factor, proven = 1.0, -np.inf
     for number in range(ROUNDS + 1):

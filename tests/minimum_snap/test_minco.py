@@ -156,6 +156,18 @@ def test_a_jerk_along_the_thrust_costs_little_time(seed: int, most: float) -> No
     assert result.durations.sum() < most
 
 
+def test_descents_end_if_no_slower_motion_keeps_the_limits() -> None:
+    """The lowest thrust exceeds the weight. Descents that left slack took 1405 evaluations instead of 443."""
+    ways = 4.0 * np.random.default_rng(0).standard_normal((12, 3))
+    points = np.cumsum(np.vstack([np.zeros(3), ways]), axis=0)
+    vehicle = SimpleNamespace(
+        mass=0.61, gravity=9.81, drag=0.0, thrust=(7.0, 12.0), tilt=1.05, body_rate=4.2, speed=8.0
+    )
+    result = fastest(points, limits_of(vehicle))
+    assert result.excess > 0.0
+    assert result.evaluations < 900
+
+
 def test_lap_is_smooth_at_its_joint() -> None:
     angle = 0.25 * np.pi * np.arange(9)
     points = 5.0 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
