@@ -97,12 +97,14 @@ def refine(run: Run, problem: Any, request: Request) -> tuple[Answer, Any]:
             answer, problem = _tighten(run, problem, request, answer, attend, left)
         return totals.add_to(answer), problem
     remarks = len(run.notes)
-    target, limited, program = run.target, limit_first(run, request), _begin_coarse(run, request)
+    begin, target, limited = clock(), run.target, limit_first(run, request)
+    program = _begin_coarse(run, request)
     if program is not None:
         first = attend(program, replace(limited, time_limit=left(), warm_start=program.guess))
     if program is None or first.point is None:
         run.target, program = target, problem
         first = attend(problem, replace(limited, time_limit=left()))
+    run.spent[:] = [clock() - begin]  # of all searches on the first mesh
     problem = program
     if first.point is not None:
         first, problem = look_again(run, problem, request, first, left())
