@@ -191,30 +191,38 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark the cases of sweeps slow, except for samples drawn by their names.
 
-    ``@pytest.mark.sample(n)`` keeps one case in `n`. Of a product of parameters, each value is kept once at least.
+    ``@pytest.mark.sample(n)`` leaves one case in `n`, rounded up. The sample of a product of parameters has each of
+    their values at least once. Cases named by their node ids on the command line always run.
     """
-    sweeps: dict[tuple[Path, str], list[Any]] = {}
+    if any("[" in argument for argument in config.args):
+        return
+    sweeps: dict[str, list[Any]] = {}
     for item in items:
         if item.get_closest_marker("sample") and not item.get_closest_marker("slow"):
-            sweeps.setdefault((item.path, item.originalname), []).append(item)
+            sweeps.setdefault(item.nodeid.partition("[")[0], []).append(item)
     for cases in sweeps.values():
-        share = cases[0].get_closest_marker("sample").args[0]
-        is_product = len(list(cases[0].iter_markers("parametrize"))) > 1
         cases.sort(key=lambda case: zlib.crc32(case.name.encode()))
-        present: set[tuple[str, int]] = set()
-        kept: list[Any] = []
-        # Cases whose values are all new come first, so that few cases have each value.
-        for is_new in (set.isdisjoint, lambda values, others: not values <= others):
-            for case in cases if is_product else []:
-                values = {(name, id(value)) for name, value in case.callspec.params.items()}
-                if case not in kept and is_new(values, present):
-                    present |= values
-                    kept.append(case)
-        rest = [case for case in cases if case not in kept]
-        for case in rest[max(0, math.ceil(len(cases) / share) - len(kept)) :]:
+        sample: list[Any] = []
+        indices = {case: case.callspec.indices for case in cases}
+        is_product = all(
+            len({others[name] for others in indices.values()}) < len(cases)
+            for name in indices[cases[0]]
+        )
+        if is_product:
+            values: set[tuple[str, int]] = set()
+            # Cases whose values are all new come first, so that few cases have each value.
+            for least in (len(indices[cases[0]]), 1):
+                for case in cases:
+                    others = set(indices[case].items())
+                    if case not in sample and len(others - values) >= least:
+                        values |= others
+                        sample.append(case)
+        rest = [case for case in cases if case not in sample]
+        size = math.ceil(len(cases) / cases[0].get_closest_marker("sample").args[0])
+        for case in rest[max(0, size - len(sample)) :]:
             case.add_marker(pytest.mark.slow)
 
 

@@ -265,7 +265,6 @@ def test_what_no_picture_shows():
 # -- strange series --------------------------------------------------------------------------------
 
 
-@pytest.mark.sample(2)
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("series", "plan"),

@@ -69,7 +69,6 @@ def test_noise_has_none_and_says_so():
     assert model.verify(plan).ok
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", strange())
 def test_strange_series_are_analysed(name):
     model, answer = analysed("full-analysis", strange()[name])

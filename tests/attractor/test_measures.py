@@ -254,7 +254,6 @@ def test_measures_are_compared():
     assert model.distance(first, plan(radius=0.4)) == 0
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", strange())
 def test_strange_series(name):
     model, answer = analysed("measures", strange()[name])

@@ -261,7 +261,6 @@ def test_spectra_are_compared():
     )
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", strange())
 def test_strange_series(name):
     model, answer = analysed("lyapunov-spectrum", strange()[name])

@@ -218,7 +218,6 @@ def test_the_rank_of_white_noise_is_any(seed):
     assert 0 <= min(found) < 13 and 6 < max(found) <= 19
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", strange())
 def test_strange_series_are_judged(name):
     model, answer = analysed("surrogates", strange()[name])

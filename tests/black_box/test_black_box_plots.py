@@ -166,7 +166,6 @@ def test_variables_that_are_all_fixed():
     assert (two[0].get_xlabel(), two[0].get_ylabel()) == ("x[0] (–)", "x[2] (–)")
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("function", "bounds", "x"),
     [

@@ -167,7 +167,6 @@ def test_plans_that_are_far_from_valid_are_drawn(six, routes_):
     assert "NOT VALID" in figure.get_suptitle()
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "model",
     [

@@ -56,7 +56,6 @@ def read_solution(path):
     return rows, cost
 
 
-@pytest.mark.sample(2)
 @pytest.mark.skipif(not FILES, reason="../shared/data/fleet-vrplib is absent")
 @pytest.mark.parametrize(
     "path",

@@ -186,7 +186,6 @@ def test_violations_are_ringed(three):
     assert abs(place.get_ydata()[0]) == pytest.approx(2.0, rel=0.01)
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "model",
     [

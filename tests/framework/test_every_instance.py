@@ -96,11 +96,10 @@ FIELDS = {
 
 
 def cases():
-    """Every entry of the catalogue: those that are drawn, a sample of those with fields of their own, and slow ones."""
+    """Every entry of the catalogue, marked slow unless the default backend solves it or it has fields of its own."""
     assert {entry.name for entry in entries()} >= FIELDS
     for entry in entries():
-        marks = [pytest.mark.sample(2) if entry.name in LAST | FIELDS else pytest.mark.slow]
-        marks *= entry.name not in DRAWN
+        marks = [] if entry.name in DEFAULT | FIELDS else [pytest.mark.slow]
         yield pytest.param(entry, id=entry.name, marks=marks)
 
 
@@ -124,7 +123,6 @@ LARGE = {
 }
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "entry",
     [

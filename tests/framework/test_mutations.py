@@ -55,34 +55,46 @@ def test_a_run_that_takes_too_long_notices_the_fault(mutations, monkeypatch, tmp
 
 
 class Case:
-    """Case of a test, as pytest collects it."""
+    """Case of a test, as pytest collects it; `params` contains the positions of its values."""
 
-    path, originalname = "a.py", "test_a"
-
-    def __init__(self, decorators, **params):
-        self.name, self.callspec = str(params), SimpleNamespace(params=params)
-        self.decorators, self.slow = decorators, False
+    def __init__(self, **params):
+        self.nodeid, self.callspec = f"a.py::test_a[{params}]", SimpleNamespace(indices=params)
+        self.name, self.is_slow = self.nodeid[6:], False
 
     def get_closest_marker(self, name):
         return pytest.mark.sample(3).mark if name == "sample" else None
 
-    def iter_markers(self, name):
-        return iter(self.decorators)
-
     def add_marker(self, mark):
-        self.slow = True
+        self.is_slow = True
 
 
-def test_a_sample_has_its_share_of_the_cases_and_each_value_of_a_product(checkout, request):
-    plugins = request.config.pluginmanager
-    mark_slow = plugins.get_plugin(
-        str(checkout / "tests" / "conftest.py")
-    ).pytest_collection_modifyitems
-    single = [Case(["x"], x=x) for x in range(7)]
-    mark_slow(single[::-1])
-    assert [case.slow for case in single].count(False) == 3
-    product = [Case(["x", "y"], x=x, y=y) for x in range(7) for y in "ab"]
-    mark_slow(list(product))
-    rest = [case.callspec.params for case in product if not case.slow]
-    assert len(rest) == 7
-    assert {case["x"] for case in rest} == {*range(7)} and {case["y"] for case in rest} == {*"ab"}
+@pytest.fixture
+def fast(checkout, request):
+    """Function that returns the cases that a command line leaves in the fast tests."""
+    conftest = request.config.pluginmanager.get_plugin(str(checkout / "tests" / "conftest.py"))
+
+    def draw(cases, *arguments):
+        conftest.pytest_collection_modifyitems(SimpleNamespace(args=arguments), list(cases))
+        return [case.callspec.indices for case in cases if not case.is_slow]
+
+    return draw
+
+
+def test_a_sample_of_a_list_has_its_share_in_any_order(fast):
+    sample = fast([Case(x=x, y=x) for x in range(7)])
+    assert len(sample) == 3
+    assert fast([Case(x=x, y=x) for x in reversed(range(7))], "tests")[::-1] == sample
+
+
+def test_a_sample_of_a_product_has_each_value(fast):
+    sample = fast([Case(x=x, y=y, z=y) for x in range(7) for y in range(2)])
+    assert len(sample) == 7
+    assert {case["x"] for case in sample} == {*range(7)} and {case["y"] for case in sample} == {
+        0,
+        1,
+    }
+
+
+def test_cases_that_the_command_line_names_run(fast):
+    cases = [Case(x=x) for x in range(7)]
+    assert len(fast(cases, "tests/a.py::test_a[3]", "tests/b.py")) == 7

@@ -56,7 +56,6 @@ def wild(name, seed=1):
 # -- the program ---------------------------------------------------------------------------------
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", [*WILD, "straight", "straight and closed"])
 def test_ipopt_finds_a_tour_that_verifies_and_encodes(name):
     if name.startswith("straight"):
@@ -249,7 +248,6 @@ def test_the_method_agrees_with_slsqp(seed):
     assert found.length == pytest.approx(reference.fun, rel=1e-6)
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize("seeds", [(1,), pytest.param((1, 2), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", WILD)
 def test_a_polished_tour_is_verified_and_no_longer(name, seeds):

@@ -229,7 +229,6 @@ def test_encounters_at_one_place_share_a_number():
     assert "messenger/met-at-start  ·  4 vehicles, 0 m, 0 s" in words(figure)
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "model",
     [

@@ -19,7 +19,6 @@ def test_names():
     assert len(ENTRIES) >= 35
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", sorted(ENTRIES))
 def test_entries(name):
     entry = ENTRIES[name]

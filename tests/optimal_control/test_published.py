@@ -20,7 +20,6 @@ finally:
 DRAWN = "c9f4632e69f3585a937e3c495d7b411c4e21f32770a50bcde9504ad98fb1598e"
 
 
-@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", published.PUBLISHED)
 def test_declaration_builds(name):
     problem = published.PUBLISHED[name].build(name)

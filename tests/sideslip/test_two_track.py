@@ -59,7 +59,6 @@ def test_banked_straight_needs_the_force_of_gravity():
     assert measured - turn == pytest.approx(GRAVITY * math.sin(0.05), rel=1e-3)
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", sorted(SCENARIOS))
 def test_scenario_follows_kinematics(name):
     # dvy/dt = ay - g sin(bank) - vx r, integrated by the trapezoidal rule.

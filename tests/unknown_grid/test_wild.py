@@ -141,7 +141,6 @@ def test_learned_policies_terminate_with_any_weights(name, factor, tmp_path):
         judge(model, least, first.point)
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", [*CLASSICAL, *LEARNED])
 def test_images_of_noise_mislead_and_do_no_harm(name, monkeypatch, tmp_path):
     pytest.importorskip("crosstrack.solvers.unknown_grid.perception", reason="it reads the images")
