@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checks import Sample
+from .judgement import EDITION
 from .plan import AttractorEstimate, Evidence
 
 __all__ = ["evidence_gap"]
 
 Floats = NDArray[np.float64]
 
-#: Samples per mean period, smallest and largest number of samples, and frequencies of the 0-1 test.
-PER_PERIOD, FEWEST, MOST, FREQUENCIES = 6, 100, 1500, 48
+#: Samples per mean period of the 0-1 test in each edition, smallest and largest number of samples, and frequencies.
+PER_PERIOD, FEWEST, MOST, FREQUENCIES = {1: 8, EDITION: 6}, 100, 1500, 48
 #: Orders of linear models, samples per coefficient and of predictions.
 ORDERS, PER_COEFFICIENT, LEADING = (2, 5, 10, 20, 40), 20, 10_000
 #: Nearest states of a prediction, number of predicted states, dimension above which fewer are predicted, their number,
@@ -36,14 +37,14 @@ def evidence_gap(series: Floats, plan: AttractorEstimate, found: Evidence, seed:
     """
     x = standard(series)
     power = np.abs(np.fft.rfft(x)) ** 2
-    step = power.sum() / (power @ np.fft.rfftfreq(len(x))) / PER_PERIOD
+    step = power.sum() / (power @ np.fft.rfftfreq(len(x))) / PER_PERIOD[found.edition]
     if abs(found.step - min(max(step, 1.0), max(len(x) // FEWEST, 1))) > 0.5 + SHARE:
         return math.inf
     return max(
         0.0,
         abs(found.zero_one - zero_one(x, found.step)) - SHARE,
         abs(found.linear - linear_error(x[:LEADING], found.ahead)) - SHARE,
-        abs(found.nonlinear - nearest_error(x[:LEADING], plan, found.ahead)) - SHARE,
+        abs(found.nonlinear - nearest_error(x[:LEADING], plan, found)) - SHARE,
         *partings_gaps(series, plan, found, seed),
     )
 
@@ -91,16 +92,18 @@ def linear_error(x: Floats, ahead: int) -> float:
     return min(errors, default=1.0)
 
 
-def nearest_error(x: Floats, plan: AttractorEstimate, ahead: int) -> float:
+def nearest_error(x: Floats, plan: AttractorEstimate, found: Evidence) -> float:
     """Return the smaller error of predictions by the mean of five nearest states and by a linear map of more of them.
 
-    It is 1 without any. One state of equal stretches is predicted.
+    The first edition has no maps. The error is 1 without any prediction. One state of equal stretches is predicted.
     """
-    last, rank = len(x) - plan.window - ahead, MAP_NEAREST * (plan.dimension + 1)
+    last, rank = len(x) - plan.window - found.ahead, MAP_NEAREST * (plan.dimension + 1)
+    has_maps = found.edition == EDITION and plan.dimension <= MAPPED
     if last < NEAREST or not np.ptp(x) > 0:
         return 1.0
     # One row per coordinate: the maximum over a short last axis takes several times as long.
-    states, futures = np.ascontiguousarray(embedded(x, plan)[:last].T), x[plan.window + ahead :]
+    states = np.ascontiguousarray(embedded(x, plan)[:last].T)
+    futures = x[plan.window + found.ahead :]
     theiler = min(plan.theiler, len(x) // 4)
     many = plan.dimension <= HIGH or len(x) <= ASKED
     count = min(last, ASKED if many else ASKED_HIGH)
@@ -114,7 +117,7 @@ def nearest_error(x: Floats, plan: AttractorEstimate, ahead: int) -> float:
         near = nearest_of(apart, NEAREST)
         if len(near):
             means.append((futures[i] - futures[near].mean()) ** 2)
-        near = nearest_of(apart, rank) if plan.dimension <= MAPPED else near[:0]
+        near = nearest_of(apart, rank) if has_maps else near[:0]
         if len(near):
             maps.append((futures[i] - mapped(states[:, near].T, futures[near], states[:, i])) ** 2)
     best = min((float(np.mean(squares)) for squares in (means, maps) if squares), default=x.var())

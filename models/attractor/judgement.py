@@ -24,6 +24,8 @@ DETERMINED = 0.75
 #: then, of maps or flows with few samples per period, and of other flows. Noise that drives a nonlinear system without
 #: chaos has ratios from 0.44, or a map with an exponent above 0 by at most 2.6 deviations.
 UNCLEAR, DEVIATIONS, MAP_DEVIATIONS, FLOW_DEVIATIONS = 0.4, 4.0, 3.0, 2.0
+#: Present edition of the rules, and the ratio of errors above which the prediction is unclear in the first edition.
+EDITION, FIRST_UNCLEAR = 2, 0.45
 #: Ratio of errors up to which the motion explains nine tenths of the variance that a linear model leaves.
 EXPLAINED = math.sqrt(0.1)
 #: Smallest correlation of the 0-1 test for chaos.
@@ -68,6 +70,9 @@ class Evidence(Declared):
     zero_one : float
         Median correlation K of the 0-1 test (Gottwald and Melbourne 2009): 0 for regular motion, 1 for chaos
         and for noise.
+    edition : int, optional
+        Edition of the figures and of the rules for them, 1 or 2. In the first one, `nonlinear` is the error of the mean
+        alone, `step` is an eighth of the mean period instead of a sixth, and deviations are compared as they are.
     """
 
     ahead: int = declared(Whole(1))
@@ -77,6 +82,7 @@ class Evidence(Declared):
     far: float = declared(Real())
     step: int = declared(Whole(1))
     zero_one: float = declared(Real(lower=-1.0, upper=1.0))
+    edition: int = declared(Whole(1, EDITION), added=True, default=1)
 
     @property
     def stays(self) -> bool:
@@ -96,7 +102,8 @@ class Evidence(Declared):
     @property
     def deviations(self) -> float:
         """Smallest number of deviations by which the exponent of a chaotic series exceeds 0."""
-        if self.nonlinear > UNCLEAR * self.linear:
+        unclear = UNCLEAR if self.edition == EDITION else FIRST_UNCLEAR
+        if self.nonlinear > unclear * self.linear:
             return DEVIATIONS
         return FLOW_DEVIATIONS if self.step > 1 else MAP_DEVIATIONS
 
@@ -107,7 +114,7 @@ class Evidence(Declared):
         part is removed from the deviation if no noise can cause it.
         """
         nats, whole = exponent * duration, deviation * duration
-        if self.nonlinear <= EXPLAINED * self.linear:
+        if self.edition == EDITION and self.nonlinear <= EXPLAINED * self.linear:
             whole = math.sqrt(max((whole - PARTINGS) * (whole + PARTINGS), 0.0))
         if nats <= self.deviations * whole:
             return (

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.attractor.checks import ALL
+from ...models.attractor.judgement import EDITION
 from ...models.attractor.model import AttractorAnalysis
 from ...models.attractor.plan import Evidence, Judgement, Slope, SurrogateTest
 from ..contract.backend import Feature, Request
@@ -133,8 +134,8 @@ def gather(problem: AttractorAnalysis, embedding: Embedding, ahead: int, poll: P
     known = [square for square in squares if math.isfinite(square) and np.ptp(part) > 0]
     nonlinear = math.sqrt(min(known) / part.var()) if known else 1.0
     return Evidence(
-        ahead, linear_error(series, ahead), nonlinear, near, far, step, zero_one(series, step)
-    )
+        ahead, linear_error(series, ahead), nonlinear, near, far, step, zero_one(series, step), EDITION
+    )  # fmt: skip
 
 
 def judge(

@@ -138,11 +138,18 @@ def test_a_small_exponent_of_a_short_series_is_not_called_chaotic():
 
 
 @pytest.mark.parametrize(
-    ("change", "least"), [({}, 3.0), ({"step": 2}, 2.0), ({"step": 2, "nonlinear": 0.3}, 4.0)]
+    ("change", "least"),
+    [
+        ({}, 3.0),
+        ({"step": 2}, 2.0),
+        ({"step": 2, "nonlinear": 0.21}, 4.0),
+        ({"step": 2, "nonlinear": 0.22, "edition": 1}, 2.0),
+        ({"step": 2, "nonlinear": 0.23, "edition": 1}, 4.0),
+    ],
 )
 def test_the_exponent_of_chaos_is_clear(change, least):
     clear = Ranks(39, 0, 0.1, 1.0, 50.0, 0.0)
-    evidence = replace(Evidence(1, 0.5, 0.1, 5.0, 0.0, 1, 0.9), **change)
+    evidence = replace(Evidence(1, 0.5, 0.18, 5.0, 0.0, 1, 0.9, 2), **change)
     slope = Slope(Method.ROSENSTEIN, 1.0, 0.99 / least, 0.0, 5.0)
     assert judge(clear, evidence, slope, 10_000)[0].judgement is Judgement.CHAOTIC
     test, said = judge(clear, evidence, replace(slope, deviation=1.01 / least), 10_000)
@@ -150,11 +157,16 @@ def test_the_exponent_of_chaos_is_clear(change, least):
 
 
 @pytest.mark.parametrize(
-    ("nonlinear", "judgement"), [(0.15, Judgement.CHAOTIC), (0.16, Judgement.NONLINEAR)]
+    ("edition", "nonlinear", "judgement"),
+    [
+        (2, 0.15, Judgement.CHAOTIC),
+        (2, 0.16, Judgement.NONLINEAR),
+        (1, 0.15, Judgement.NONLINEAR),
+    ],
 )
-def test_slow_partings_are_left_out_of_a_clear_deviation(nonlinear, judgement):
+def test_slow_partings_are_left_out_of_a_clear_deviation(edition, nonlinear, judgement):
     """12 of 1,000 nats are in the deviation: 0.025 is 1.7 deviations, and 2.8 without them."""
-    evidence = Evidence(1, 0.5, nonlinear, 5.0, 0.0, 2, 0.9)
+    evidence = Evidence(1, 0.5, nonlinear, 5.0, 0.0, 2, 0.9, edition)
     slope = Slope(Method.ROSENSTEIN, 0.025, 0.015, 0.0, 5.0)
     test, why = judge(Ranks(39, 0, 0.1, 1.0, 50.0, 0.0), evidence, slope, 1000.0)
     assert test.judgement is judgement

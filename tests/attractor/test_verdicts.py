@@ -11,7 +11,7 @@ from attractor.test_coverage import gopy, ikeda
 
 from crosstrack.errors import InvalidData
 from crosstrack.models import AttractorAnalysis
-from crosstrack.models.attractor import Judgement, SurrogateTest, evidence
+from crosstrack.models.attractor import AttractorEstimate, Judgement, SurrogateTest, evidence
 from crosstrack.models.attractor.evidence import (
     linear_error as plain_linear_error,
     zero_one as plain_zero_one,
@@ -342,3 +342,20 @@ def test_chaos_of_too_few_nats_is_not_verified():
 def test_plans_without_evidence_keep_their_json_form():
     old = {"judgement": "noise", "count": 39, "exceeded": 4}
     assert SurrogateTest.from_data(old).data() == old
+
+
+@pytest.mark.parametrize("series", [henon(400), lorenz(400, 0.05)], ids=["map", "flow"])
+def test_plans_of_the_first_edition_are_verified_by_its_rules(series, monkeypatch):
+    monkeypatch.setattr(verdict, "EDITION", 1)
+    monkeypatch.setattr(verdict, "PER_PERIOD", 8)
+    monkeypatch.setattr(verdict, "linear_map_error", lambda *_: math.nan)
+    model, answer = analysed("surrogates", series)
+    data = answer.point.data()
+    assert "edition" not in data["surrogates"]["evidence"]
+    assert model.verify(AttractorEstimate.from_data(data)).ok
+    data["surrogates"]["evidence"]["edition"] = 2
+    result = model.verify(AttractorEstimate.from_data(data))
+    assert "evidence follows from the series" in [one.name for one in result.checks if not one.ok]
+    data["surrogates"]["evidence"]["edition"] = 3
+    with pytest.raises(InvalidData, match="edition must be <= 2, got 3"):
+        AttractorEstimate.from_data(data)
