@@ -98,7 +98,7 @@ def nearest_error(x: Floats, plan: AttractorEstimate, found: Evidence) -> float:
     The first edition has no maps. The error is 1 without any prediction. One state of equal stretches is predicted.
     """
     last, rank = len(x) - plan.window - found.ahead, MAP_NEAREST * (plan.dimension + 1)
-    has_maps = found.edition == EDITION and plan.dimension <= MAPPED
+    rank *= found.edition == EDITION and plan.dimension <= MAPPED
     if last < NEAREST or not np.ptp(x) > 0:
         return 1.0
     # One row per coordinate: the maximum over a short last axis takes several times as long.
@@ -114,21 +114,20 @@ def nearest_error(x: Floats, plan: AttractorEstimate, found: Evidence) -> float:
     for i in np.floor((k + shift) * (last / count)).astype(int).tolist():
         apart = np.abs(states - states[:, i : i + 1]).max(axis=0)
         apart[max(i - theiler, 0) : i + theiler + 1] = np.inf
-        near = nearest_of(apart, NEAREST)
-        if len(near):
-            means.append((futures[i] - futures[near].mean()) ** 2)
-        near = nearest_of(apart, rank) if has_maps else near[:0]
-        if len(near):
+        near = nearest_of(apart, max(NEAREST, rank))
+        if len(near) >= NEAREST:
+            means.append((futures[i] - futures[near[:NEAREST]].mean()) ** 2)
+        near = near[:rank]
+        if 0 < rank == len(near):
             maps.append((futures[i] - mapped(states[:, near].T, futures[near], states[:, i])) ** 2)
     best = min((float(np.mean(squares)) for squares in (means, maps) if squares), default=x.var())
     return float(np.sqrt(best / x.var()))
 
 
 def nearest_of(apart: Floats, count: int) -> NDArray[np.int64]:
-    """Return the `count` states with the smallest finite distances, the earlier of equal ones, or none if they are fewer."""
-    if count > len(apart) or not np.isfinite(least := np.partition(apart, count - 1)[count - 1]):
-        return np.zeros(0, np.int64)
-    near = np.flatnonzero(apart <= least)
+    """Return at most `count` states with the smallest finite distances, the earlier of equal ones."""
+    place = min(count, len(apart)) - 1
+    near = np.flatnonzero(apart <= min(np.partition(apart, place)[place], np.finfo(float).max))
     return near[np.argsort(apart[near], kind="stable")[:count]]
 
 

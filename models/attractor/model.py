@@ -337,12 +337,5 @@ def _judgement_check(plan: AttractorEstimate, duration: float, tolerance: float)
             doubts = evidence.doubts(slope.value, slope.deviation, duration)
             sure = sure and not (evidence.stays or evidence.refutes or doubts)
         over = over if sure else 1.0
-    return Check.scaled(
-        "judgement follows from the ranks",
-        "",
-        over,
-        "",
-        f"p = {result.p_value:.3g}",
-        tolerance,
-        0.05,
-    )
+    ranks = f"p = {result.p_value:.3g}"
+    return Check.scaled("judgement follows from the ranks", "", over, "", ranks, tolerance, 0.05)
