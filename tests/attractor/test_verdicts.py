@@ -344,7 +344,7 @@ def test_plans_without_evidence_keep_their_json_form():
     assert SurrogateTest.from_data(old).data() == old
 
 
-@pytest.mark.parametrize("series", [henon(400), lorenz(400, 0.05)], ids=["map", "flow"])
+@pytest.mark.parametrize("series", [henon(400), lorenz(600, 0.05)], ids=["map", "flow"])
 def test_plans_of_the_first_edition_are_verified_by_its_rules(series, monkeypatch):
     monkeypatch.setattr(verdict, "EDITION", 1)
     monkeypatch.setattr(verdict, "PER_PERIOD", 8)
