@@ -160,15 +160,31 @@ def name_by_key(file: Any, stamp: object) -> None:
 
 
 def load_quickly(cache: Any) -> None:
-    """Make `cache` load compiled code without Numba's tables for compiling, which take 0.4 s of CPU."""
+    """Make `cache` load compiled code without Numba's tables for compiling, which take 0.4 s of CPU.
+
+    Files that cannot be read, such as truncated ones, are replaced.
+    """
     from numba.core.runtime.nrt import rtsys
+
+    load_index = cache._cache_file._load_index
 
     def load(signature: Any, context: Any) -> Any:
         rtsys.initialize(context)
-        with cache._guard_against_spurious_io_errors():
-            return cache._load_overload(signature, context)
+        try:
+            with cache._guard_against_spurious_io_errors():
+                return cache._load_overload(signature, context)
+        except Exception as error:
+            log.info("compiled code cannot be read, and is compiled again", exc_info=error)
+            return None
 
-    cache.load_overload = load
+    def read_index() -> Any:
+        try:
+            return load_index()
+        except Exception as error:
+            log.info("the index of compiled code cannot be read", exc_info=error)
+            return {}
+
+    cache.load_overload, cache._cache_file._load_index = load, read_index
 
 
 def mark_keys(cache: Any) -> None:

@@ -625,3 +625,24 @@ def test_a_kernel_in_no_cache_is_requested_after_half_of_its_further_budget(budg
     assert requests == [1]
     assert summed._ready
     assert counts[0] > 30_000  # it started again
+
+
+@pytest.mark.parametrize("suffix", ["nbc", "nbi"])
+def test_truncated_files_of_the_cache_are_compiled_again(tmp_path, run_python, suffix):
+    pytest.importorskip("numba", reason="nothing is compiled without Numba")
+    (tmp_path / "doubling.py").write_text(
+        "from crosstrack.jit import compile_always, kernel\n"
+        "@kernel\ndef doubled(x):\n    return 2.0 * x\n"
+        "compile_always()\nprint(doubled(3.0), *doubled.dispatcher.stats.cache_hits.values())\n"
+    )
+
+    def printed():
+        command = "import sys; sys.path.insert(0, '.'); import doubling"
+        folder = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+        return run_python("-c", command, cwd=tmp_path, **folder).split()
+
+    assert printed() == ["6.0"]
+    for path in (tmp_path / "cache").rglob(f"*.{suffix}"):
+        path.write_bytes(path.read_bytes()[:40])
+    assert printed() == ["6.0"]
+    assert printed() == ["6.0", "1"]
