@@ -110,7 +110,7 @@ class Evidence(Declared):
     def doubts(self, exponent: float, deviation: float, duration: float) -> str:
         """Return the reason why an exponent does not show chaos in a series of so many seconds, or an empty text.
 
-        Its deviation includes :data:`PARTINGS`. The separation of neighbours has a limit for the same effect, so this
+        Its deviation includes 12 nats over the series. The separation of neighbours has a limit for the same effect, so this
         part is removed from the deviation if no noise can cause it.
         """
         nats, whole = exponent * duration, deviation * duration

@@ -5,7 +5,7 @@ from one bound to the other within an interval is a switch. The integral of the 
 interval is cut there. If a constraint becomes active or inactive between two nodes, a derivative of the motion jumps, and
 the two nodes become ends of an interval. A control that alternates from node to node is on a singular arc. There a mesh
 gains by chattering what the problem itself does not allow. The controls are then restricted to half the degree.
-Neighbours that one polynomial fits are merged until the objective has converged.
+Neighbours that one polynomial fits are merged.
 """
 
 from __future__ import annotations
@@ -217,8 +217,7 @@ def next_meshes(
         if rules.fixed_degree is not None:
             restless = np.zeros_like(restless)
         released = mesh.calm & (strains[k] > RELEASED * tolerance * size)
-        # A merged interval that is not accurate costs another mesh.
-        merge = worst > SHARE * tolerance and not converged
+        merge = worst > SHARE * tolerance
         finer, done = _refine(mesh, report, part, rules, limit, restless, released, merge)
         finer_meshes.append(finer)
         words.append(f"phase {part.name!r}: {done}" if done and len(meshes) > 1 else done)
