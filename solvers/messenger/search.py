@@ -44,7 +44,7 @@ SKETCH_PROGRAMS = 300
 #: requested gap is at least the given one.
 FEW, EDGES, MORE_EDGES, WIDE_GAP = 3, 300_000, 200, 1e-5
 #: Least number of steps of an annealing for so few vehicles at first, and largest gap after which no longer
-#: ones follow. The first run of a process then needs no compiled annealing.
+#: annealings follow. The first run of a process then needs no compiled annealing.
 BRIEF_STEPS, CLOSE = 60, 5e-3
 #: Factor on the patience otherwise: with short legs, most annealings miss the shortest tour.
 MORE = 4
