@@ -52,6 +52,10 @@ _POLL = 0.05
 _LOOK = 0.5
 #: Measured compile time in seconds per instruction of a kernel and of the kernels it calls.
 _PER_INSTRUCTION = 2.2e-3
+#: Errors on reading damaged files. They do not include the end of a run by its limit.
+_DAMAGED = (
+    pickle.UnpicklingError, EOFError, AttributeError, ImportError, LookupError, TypeError, ValueError, RuntimeError
+)  # fmt: skip
 #: Numbers from here on may have another compiled type.
 _LARGE = 2.0**63
 
@@ -160,7 +164,7 @@ def name_by_key(file: Any, stamp: object) -> None:
 
 
 def load_quickly(cache: Any) -> None:
-    """Make `cache` load compiled code without Numba's tables for compiling, which take 0.4 s of CPU.
+    """Make `cache` load compiled code without Numba's tables for compiling, whose import takes longer.
 
     Files that cannot be read, such as truncated ones, are replaced.
     """
@@ -173,14 +177,14 @@ def load_quickly(cache: Any) -> None:
         try:
             with cache._guard_against_spurious_io_errors():
                 return cache._load_overload(signature, context)
-        except Exception as error:
+        except _DAMAGED as error:
             log.info("compiled code cannot be read, and is compiled again", exc_info=error)
             return None
 
     def read_index() -> Any:
         try:
             return load_index()
-        except Exception as error:
+        except _DAMAGED as error:
             log.info("the index of compiled code cannot be read", exc_info=error)
             return {}
 

@@ -35,7 +35,7 @@ _CONVERGED = 1e-8
 
 
 def _shortcut(name: str) -> Any:
-    """Return an attribute of ``cma.s``, aliases for interactive use, which import Matplotlib (0.4 s of CPU)."""
+    """Return an attribute of ``cma.s``, aliases for interactive use, which import Matplotlib."""
     if name.startswith("__"):
         raise AttributeError(name)
     sys.modules.pop("cma.s", None)

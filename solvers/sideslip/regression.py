@@ -183,9 +183,12 @@ class KalmanGrnn(_Learning):
 
 
 def _noise_ratio(problem: SideslipEstimation) -> float:
-    """Return the largest ratio of a sensor's noise to the median of that on the training drives."""
-    usual = np.median([sensor_noises(drive) for drive in problem.training], axis=0)
-    return float((sensor_noises(problem.recording) / np.maximum(usual, 1e-300)).max())
+    """Return the largest ratio of a sensor's noise to the median of that on the training drives; 1 if that is unknown."""
+    noises = np.array([sensor_noises(drive) for drive in problem.training])
+    noises = noises[noises.any(axis=1)]  # of drives with enough regular samples
+    usual = np.median(noises, axis=0) if len(noises) else np.zeros(2)
+    here = sensor_noises(problem.recording)
+    return float(np.divide(here, usual, out=np.ones(2), where=usual > 0.0).max())
 
 
 def _correct_by_curve(

@@ -298,7 +298,7 @@ def test_feet_are_converted_to_metres(tmp_path, caplog):
 
 
 def test_units_of_reference_systems_are_those_of_pyproj():
-    pyproj = pytest.importorskip("pyproj")
+    pyproj = pytest.importorskip("pyproj", reason="the codes are compared with pyproj")
     for authority in ("EPSG", "ESRI"):
         entries = pyproj.database.query_crs_info(auth_name=authority, allow_deprecated=True)
         for entry in entries[::70]:

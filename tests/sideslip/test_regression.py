@@ -20,6 +20,7 @@ from crosstrack.solvers.sideslip.learning import (
     Window,
     training_set,
 )
+from crosstrack.solvers.sideslip.regression import _noise_ratio
 
 VEHICLE = {
     "mass": 1500, "yaw_inertia": 2500, "front": 1.2, "rear": 1.5,
@@ -528,3 +529,13 @@ def test_a_run_stopped_before_the_filter_ends_returns_the_linear_regression():
     line = estimate("linear-regression", model, Control())
     np.testing.assert_array_equal(answer.point.sideslip, line.point.sideslip)
     assert answer.limit is Limit.TIME and "linear regression" in answer.message
+
+
+def test_training_drives_whose_noise_is_unknown_are_left_out_of_its_ratio():
+    """The noise of a drive follows from at least a hundred third differences of regular samples."""
+    recording, known, short = drive(0, 400), drive(1, 400), drive(2, 80)
+    ratio = _noise_ratio(problem(recording, (known,)))
+    assert 0.5 < ratio < 2.0
+    assert _noise_ratio(problem(recording, (known, short))) == ratio
+    assert _noise_ratio(problem(recording, (short,))) == 1.0
+    assert _noise_ratio(problem(drive(0, 400, noise=9.0), (known, short))) > 3.0
