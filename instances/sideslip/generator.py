@@ -17,14 +17,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
 from ...errors import InvalidData, UnsupportedOption, suggestion
-from ...models.fields import Array, Flag, Optional, Real, Whole, required
+from ...models.declaration import Nested
+from ...models.fields import Array, Flag, Optional, Real, Whole
 from ...models.records import Member, Table
 from ...models.sideslip.data import MOST, MOST_GAP, Recording, Tyre, Vehicle
 from ...models.sideslip.model import SideslipEstimation
 from .drivers import HELD_OUT, Design, Driver, design_drivers
 from .roads import RoadKind, road_of
-from .settings import VEHICLE
 from .simulator import Drive, simulate
+from .vehicles import VEHICLE
 
 __all__ = ["generate"]
 
@@ -118,7 +119,7 @@ def generate(
     """
     kind = RoadKind(Member(RoadKind).coerce("road", road, {}))
     seed = Whole(0).coerce("seed", seed, {})
-    first_driver = _part(Driver, "driver", HELD_OUT if driver is None else driver)
+    first_driver: Any = Nested(Driver).coerce("driver", HELD_OUT if driver is None else driver, {})
     count = Whole(0, MOST_DRIVES).coerce("drivers", drivers, {})
     plan = Design(Member(Design).coerce("design", design, {}))
     grip = Real(lower=0, strict=True).coerce("friction", friction, {})
@@ -127,7 +128,8 @@ def generate(
         "training_friction", training_friction, {}
     )
     law = Member(Tyre).coerce("tyre", tyre, {})
-    truth = dataclasses.replace(_part(Vehicle, "vehicle", vehicle), tyre=law, friction=grip)
+    truth: Any = Nested(Vehicle).coerce("vehicle", vehicle, {})
+    truth = dataclasses.replace(truth, tyre=law, friction=grip)
     period = Real(lower=0, strict=True, upper=MOST_GAP, unit="s").coerce("period", period, {})
     speeds = _speeds(kind, speed, samples, period)
     others = _speeds(kind, speed, None, period)
@@ -204,13 +206,6 @@ def _normal(rng: np.random.Generator, count: int) -> Floats:
     """Return standard normal numbers, shape (count, 2)."""
     result: Floats = ndtri(rng.random((count, 2)) + 2.0**-54)  # avoids 0
     return result
-
-
-def _part(kind: Any, name: str, value: Any) -> Any:
-    """Return a part given as an object or as its data."""
-    if isinstance(value, Mapping):
-        return kind.from_data(value)
-    return required(name, value, kind)
 
 
 def _speeds(kind: RoadKind, speed: Any, samples: int | None, period: float) -> Floats:

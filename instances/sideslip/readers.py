@@ -24,7 +24,7 @@ from ..series import insert_rows, interpolate
 from ..storage import Assumed
 from ..tables import Column, TableOptions, read_table
 from ..units import ACCELERATIONS, ANGLES, RATES, SPEEDS, TIMES
-from .settings import VEHICLE
+from .vehicles import VEHICLE
 
 __all__ = ["read_recording", "table_file"]
 

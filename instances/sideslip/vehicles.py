@@ -1,4 +1,4 @@
-"""Vehicles in JSON files, such as identified ones, and instances that refer to such files."""
+"""The vehicle of simulated drives, vehicles in JSON files, such as identified ones, and instances that refer to such files."""
 
 from __future__ import annotations
 
@@ -12,7 +12,14 @@ from ...models.fields import required
 from ...models.sideslip.data import Vehicle
 from ..storage import read_content, reference
 
-__all__ = ["read_vehicle", "resolve_references", "write_vehicle"]
+__all__ = ["VEHICLE", "read_vehicle", "resolve_references", "write_vehicle"]
+
+#: Car with the parameters of an exercise in the chapter on handling of Z. Yu, Automobile Theory (in Chinese, China
+#: Machine Press). The stiffness is that of both tyres of an axle. The paper does not print its parameters.
+VEHICLE = Vehicle(
+    mass=1818.2, yaw_inertia=3885.0, front=1.463, rear=1.585, cornering_front=62618.0,
+    cornering_rear=110185.0,
+)  # fmt: skip
 
 
 def read_vehicle(path: str | os.PathLike[str]) -> Vehicle:

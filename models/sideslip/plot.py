@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -28,14 +28,8 @@ _LOST = "grip lost"
 _STILL = f"below {LOW_SPEED:g} m/s, no meaning"
 #: Height of a tall and of a low panel with the gap below, and gap at the left (inch).
 _TALL, _LOW, _GAP = 1.7, 1.0, 0.85
-
-
-class _Named(NamedTuple):
-    """Estimate with its legend label and colour index."""
-
-    label: str
-    colour: int
-    plan: SideslipEstimate
+#: Estimates with their legend labels and colour indices.
+_Estimates = Sequence[tuple[str, int, SideslipEstimate]]
 
 
 class _Samples:
@@ -106,7 +100,7 @@ def draw(
     labels = kit.label_plans(plans, plan if not others else None, unit="°", digits=3)
     # The first colour is reserved for `plan`, even if it is None.
     estimates = [
-        _Named(label, k + (plan is None), entry.plan)
+        (label, k + (plan is None), entry.plan)
         for k, (label, entry) in enumerate(zip(labels, plans, strict=True))
     ]
     result = None if plan is None else plans[0].result
@@ -126,7 +120,7 @@ def draw(
     upper = _upper(model, samples, estimates, rests)
     tall = 0.73 + kit.LINE * (2 + text.count("\n")) + len(upper) * _TALL + 2 * _LOW
     scene = kit.Scene(text, result, size, (7.2, tall))
-    angle = _draw_panels(scene, model, samples, estimates, upper, rests)
+    angle = _draw_panels(scene, model, samples, plan, estimates, upper, rests)
     if plan is not None:
         rows = zip(model.recording.times, np.degrees(plan.sideslip), strict=True)
         kit.pin_places(angle, result, {f"sample {k}": row for k, row in enumerate(rows)})
@@ -134,8 +128,8 @@ def draw(
 
 
 def _draw_panels(
-    scene: kit.Scene, model: SideslipEstimation, samples: _Samples, estimates: Sequence[_Named],
-    upper: Sequence[kit.Panel], rests: Any,
+    scene: kit.Scene, model: SideslipEstimation, samples: _Samples, plan: SideslipEstimate | None,
+    estimates: _Estimates, upper: Sequence[kit.Panel], rests: Any,
 ) -> Any:  # fmt: skip
     """Draw the panels below one legend, angle and error in full width, measurements in pairs; return the first."""
     from matplotlib.patches import Patch
@@ -153,18 +147,17 @@ def _draw_panels(
         axes.tick_params(labelbottom=axes in places[-2:])
     for axes in places[-2:]:
         kit.label_axes(axes, "time (s)")
-    main = next((entry for entry in estimates if entry.colour == 0), None)
-    keys = [kit.key(entry.label, lw=1.6, **kit.axis_style(entry.colour)) for entry in estimates]
+    keys = [kit.key(label, lw=1.6, **kit.axis_style(colour)) for label, colour, _ in estimates]
     if model.truth is not None:
         keys.append(kit.key("truth", lw=2.2, **kit.axis_style(_TRUTH)))
-    if main is not None:
+    if plan is not None:
         for k, panel in enumerate(upper):
-            _draw_band(places[k], panel, samples, main, k)
+            _draw_band(places[k], panel, samples, plan, k)
         keys.append(Patch(facecolor=kit.colour_of(0), alpha=0.2, label=_BAND))
-        for begin, end in main.plan.grip_lost:
+        for begin, end in plan.grip_lost:
             for axes in places[:count]:
                 axes.axvspan(begin, end, color=kit.RED, alpha=0.12, lw=0, zorder=0.6, gid=_LOST)
-        if main.plan.grip_lost:
+        if plan.grip_lost:
             keys.append(Patch(facecolor=kit.RED, alpha=0.12, label=_LOST))
     keys += kit.keys_of(lower[:1], places) if rests else []
     broad, tall, top = scene.broad, scene.tall, scene.head - 0.12
@@ -180,7 +173,7 @@ def _draw_panels(
 
 
 def _upper(
-    model: SideslipEstimation, samples: _Samples, estimates: Sequence[_Named], rests: Any
+    model: SideslipEstimation, samples: _Samples, estimates: _Estimates, rests: Any
 ) -> list[kit.Panel]:
     """Return the panels of the angle and, if the truth is known, of its error."""
 
@@ -213,10 +206,12 @@ def _lower(recording: Recording, samples: _Samples, rests: Any) -> list[kit.Pane
     ]
 
 
-def _draw_band(axes: Any, panel: kit.Panel, samples: _Samples, main: _Named, row: int) -> None:
+def _draw_band(
+    axes: Any, panel: kit.Panel, samples: _Samples, plan: SideslipEstimate, row: int
+) -> None:
     """Fill the band of the first estimate: about the angle in row 0, about zero error in row 1."""
-    wide = 2 * samples.degrees(main.plan.deviation)
-    middle = samples.degrees(main.plan.sideslip) if row == 0 else np.zeros(samples.size)
+    wide = 2 * samples.degrees(plan.deviation)
+    middle = samples.degrees(plan.sideslip) if row == 0 else np.zeros(samples.size)
     lower, upper = samples.extremes(middle - wide, middle + wide)
     values = np.concatenate([curve.values for curve in panel.curves])
     least, most = float(np.nanmin(values)), float(np.nanmax(values))

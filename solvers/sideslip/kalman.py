@@ -7,7 +7,6 @@ model, see :mod:`crosstrack.solvers.sideslip.mismatch`. The angles are not corre
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,17 +87,16 @@ class RtsSmoother(SideslipBackend):
             f"the noise of the sensors looks like {noise[0]:.2g} rad/s and {noise[1]:.2g} m/s², which replaces the declared "
             f"{declared[0]:.2g} rad/s and {declared[1]:.2g} m/s²"
         )
-        given: dict[str, Any] = {
-            "yaw_rate_noise": float(noise[0]),
-            "acceleration_noise": float(noise[1]),
-        }
-        return replace(problem, truth=None, **given), "; ".join(filter(None, (remark, parts)))
+        yaw_rate, acceleration = noise.tolist()
+        problem = replace(
+            problem, truth=None, yaw_rate_noise=yaw_rate, acceleration_noise=acceleration
+        )
+        return problem, "; ".join(filter(None, (remark, parts)))
 
     def estimate(self, problem: SideslipEstimation, request: Request) -> Estimate | None:
         """Return the smoothed angles, or None if the run was stopped."""
         filter_pass = filter_drive(problem, request.control)
         if filter_pass is None:
             return None
-        smoothed = smooth_drive(problem, filter_pass)
-        angles, variances = smoothed.states[:, 0], smoothed.covariance[:, 0, 0]
-        return claim(problem, filter_pass, angles, variances, ahead=True)
+        states, covariance = smooth_drive(problem, filter_pass)
+        return claim(problem, filter_pass, states[:, 0], covariance[:, 0, 0], ahead=True)

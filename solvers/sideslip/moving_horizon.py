@@ -11,9 +11,8 @@ from ...errors import UnsupportedOption
 from ...models.programs.linear import QuadraticProgram
 from ...models.sideslip.data import Tyre
 from ...models.sideslip.dynamics import linearise
-from ...models.sideslip.full_information import least_squares_program
+from ...models.sideslip.full_information import Stretch, least_squares_program
 from ...models.sideslip.model import SideslipEstimation
-from ...models.sideslip.stretch import Stretch
 from ..contract.backend import Backend, Request, Termination
 from ..contract.option import Option
 from ..contract.registry import find_backend
@@ -137,29 +136,21 @@ class _Run:
             mean = self.kalman.predicted[first]
             least = self.whole.disturbance[first - 1]
             root = _root(self.kalman.predicted_covariance[first], least)
-        stretch = self.whole.part(first, last, mean, root)
-        point = self._solve(stretch)
-        if self.problem.vehicle.tyre is Tyre.LINEAR:
-            return None if point is None else (point, stretch)
-        size = 2 * stretch.count
-        for _ in range(1, self.request.options["rounds"]):
-            if point is None or self.request.control.stopped:
-                return None
-            before = point[:size]
-            linear = linearise(self.problem, before.reshape(-1, 2) * stretch.scale, first)
+        linear, before = None, np.full(2 * (last - first + 1), np.inf)
+        for _ in range(self.request.options["rounds"]):
             stretch = self.whole.part(first, last, mean, root, linear)
-            point = self._solve(stretch)
-            if point is not None and np.abs(point[:size] - before).max() <= CONVERGED:
+            program = least_squares_program(stretch, "horizon")
+            answer = self.request.within(self.solver, program)
+            self.programs += 1
+            if answer.point is None or answer.termination is not Termination.OPTIMAL:
+                self.failed += not self.request.control.stopped
+                return None
+            point = np.asarray(answer.point)
+            states = point[: len(before)]
+            is_linear = self.problem.vehicle.tyre is Tyre.LINEAR
+            if is_linear or np.abs(states - before).max() <= CONVERGED:
                 return point, stretch
+            before = states
+            linear = linearise(self.problem, before.reshape(-1, 2) * stretch.scale, first)
         self.unsettled += 1
-        return None if point is None else (point, stretch)
-
-    def _solve(self, stretch: Stretch) -> Floats | None:
-        """Return the optimal column vector of a stretch, or None if the solver returns no optimum."""
-        program = least_squares_program(stretch, "horizon")
-        answer = self.request.within(self.solver, program)
-        self.programs += 1
-        if answer.point is None or answer.termination is not Termination.OPTIMAL:
-            self.failed += not self.request.control.stopped
-            return None
-        return np.asarray(answer.point)
+        return point, stretch

@@ -19,7 +19,7 @@ from ..contract.control import Control
 from .kalman_kernels import filter_path, smooth_path
 from .native import UNKNOWN
 
-__all__ = ["FilterPass", "SmoothedPass", "filter_drive", "noise_variances", "smooth_drive"]
+__all__ = ["FilterPass", "filter_drive", "noise_variances", "smooth_drive"]
 
 Floats = NDArray[np.float64]
 
@@ -45,13 +45,6 @@ class FilterPass(NamedTuple):
     innovation_covariance: Floats
     model: Linearised
     lost: int
-
-
-class SmoothedPass(NamedTuple):
-    """States (rad, rad/s) given all measurements, shape (n, 2), and their covariances, shape (n, 2, 2)."""
-
-    states: Floats
-    covariance: Floats
 
 
 def noise_variances(problem: SideslipEstimation) -> Floats:
@@ -95,16 +88,15 @@ def filter_drive(problem: SideslipEstimation, control: Control | None = None) ->
     return FilterPass(predicted, before, filtered, after, innovations, between, model, lost)
 
 
-def smooth_drive(problem: SideslipEstimation, filter_pass: FilterPass) -> SmoothedPass:
-    """Return the smoothed states, computed from the result of :func:`filter_drive`.
+def smooth_drive(problem: SideslipEstimation, filter_pass: FilterPass) -> tuple[Floats, Floats]:
+    """Return the states (rad, rad/s) given all measurements, shape (n, 2), and their covariances, shape (n, 2, 2).
 
     The states equal those of Rauch, Tung and Striebel. They are computed in the form of D. C. Fraser and
     J. E. Potter (IEEE Transactions on Automatic Control 14, 1969), which inverts no covariance: covariances are
     nearly singular if the disturbance is small.
     """
     drive = problem.recording
-    n = len(drive)
-    smoothed = SmoothedPass(np.empty((n, 2)), np.empty((n, 2, 2)))
+    smoothed = np.empty((len(drive), 2)), np.empty((len(drive), 2, 2))
     smooth_path(
         *(drive.times, measurements(drive), drive.moving, noise_variances(problem)),
         *(*filter_pass.model, filter_pass.filtered, filter_pass.filtered_covariance, *smoothed),

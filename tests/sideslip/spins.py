@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from crosstrack.errors import InvalidData
 from crosstrack.instances.sideslip import generate
-from crosstrack.instances.sideslip.settings import VEHICLE
+from crosstrack.instances.sideslip.vehicles import VEHICLE
 from crosstrack.models import SideslipEstimation
 from crosstrack.models.sideslip import Recording, Vehicle
 

@@ -9,7 +9,7 @@ from sideslip.filters import simulated
 
 from crosstrack.errors import InvalidData
 from crosstrack.instances.sideslip import generate
-from crosstrack.instances.sideslip.settings import VEHICLE
+from crosstrack.instances.sideslip.vehicles import VEHICLE
 from crosstrack.models.sideslip import SideslipEstimation, identification, identify
 
 STIFF = ("cornering_front", "cornering_rear", "yaw_inertia")

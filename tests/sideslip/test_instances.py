@@ -25,8 +25,8 @@ from crosstrack.instances.sideslip.listing import MISMATCH
 from crosstrack.instances.sideslip.paper import TABLE_1, TABLE_2, TABLE_3
 from crosstrack.instances.sideslip.paper_tables import table_2
 from crosstrack.instances.sideslip.roads import RoadKind, road_of
-from crosstrack.instances.sideslip.settings import VEHICLE
 from crosstrack.instances.sideslip.simulator import _aside
+from crosstrack.instances.sideslip.vehicles import VEHICLE
 from crosstrack.models.sideslip import SideslipEstimate
 from crosstrack.models.sideslip.data import GRAVITY
 

@@ -88,10 +88,10 @@ def test_filter_and_smoother_are_least_squares(seed: int, vehicle: Vehicle) -> N
         np.testing.assert_allclose(
             found.filtered_covariance[last], covariance[-2:, -2:], rtol=1e-6, atol=1e-12
         )
-    smoothed = smooth_drive(problem, found)
-    np.testing.assert_allclose(smoothed.states, states, atol=1e-9)
+    smoothed, smoothed_covariance = smooth_drive(problem, found)
+    np.testing.assert_allclose(smoothed, states, atol=1e-9)
     blocks = np.array([covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] for k in range(n)])
-    np.testing.assert_allclose(smoothed.covariance, blocks, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(smoothed_covariance, blocks, rtol=1e-6, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -111,10 +111,10 @@ def test_noises_of_all_sizes(more: dict[str, Any]) -> None:
     problem = drawn(7, **more)
     found = filtered(problem)
     states, covariance = batch(problem, found.model, 29)
-    smoothed = smooth_drive(problem, found)
+    smoothed, smoothed_covariance = smooth_drive(problem, found)
     deviation = np.sqrt(np.diag(covariance)).reshape(-1, 2)
-    assert (np.abs(smoothed.states - states) < 1e-5 * deviation + 1e-10).all()
-    own = np.sqrt(np.diagonal(smoothed.covariance, axis1=1, axis2=2))
+    assert (np.abs(smoothed - states) < 1e-5 * deviation + 1e-10).all()
+    own = np.sqrt(np.diagonal(smoothed_covariance, axis1=1, axis2=2))
     np.testing.assert_allclose(own, deviation, rtol=1e-4, atol=1e-12)
 
 
@@ -123,10 +123,11 @@ def test_hardly_a_disturbance(disturbance: tuple[float, float]) -> None:
     """The predicted covariance is nearly singular. A slightly larger disturbance gives nearly the same."""
     problem = drawn(3, disturbance=disturbance)
     nearly = drawn(3, disturbance=np.maximum(disturbance, 1e-7))
-    one, two = (smooth_drive(each, filtered(each)) for each in (problem, nearly))
-    np.testing.assert_allclose(one.states, two.states, atol=1e-5)
-    np.testing.assert_allclose(one.covariance, two.covariance, atol=1e-7)
-    assert (np.diagonal(one.covariance, axis1=1, axis2=2) >= 0).all()
+    states, covariance = smooth_drive(problem, filtered(problem))
+    near_states, near_covariance = smooth_drive(nearly, filtered(nearly))
+    np.testing.assert_allclose(states, near_states, atol=1e-5)
+    np.testing.assert_allclose(covariance, near_covariance, atol=1e-7)
+    assert (np.diagonal(covariance, axis1=1, axis2=2) >= 0).all()
 
 
 def test_linear_model_is_that_of_the_dynamics() -> None:
@@ -151,14 +152,14 @@ def test_innovations_and_order(vehicle: Vehicle) -> None:
     assert still.any()
     np.testing.assert_array_equal(found.filtered[still], found.predicted[still])
     # More samples never increase the covariance. At the last sample both are equal.
-    smoothed = smooth_drive(problem, found)
+    smoothed, smoothed_covariance = smooth_drive(problem, found)
     for less, more in (
         (found.predicted_covariance, found.filtered_covariance),
-        (found.filtered_covariance, smoothed.covariance),
+        (found.filtered_covariance, smoothed_covariance),
     ):
         lost = np.linalg.eigvalsh(less - more)
         assert (lost >= -1e-9 * np.abs(less).max(axis=(1, 2))[:, None]).all()
-    np.testing.assert_array_equal(smoothed.states[-1], found.filtered[-1])
+    np.testing.assert_array_equal(smoothed[-1], found.filtered[-1])
 
 
 # Claimed deviations
@@ -171,13 +172,13 @@ def test_claims_hold_where_the_model_does() -> None:
     for seed in range(200):
         problem = simulated(seed)
         found = filtered(problem)
-        smoothed = smooth_drive(problem, found)
+        smoothed, smoothed_covariance = smooth_drive(problem, found)
         angles, variances = found.filtered[:, 0], found.filtered_covariance[:, 0, 0]
         claims = {
             "covariance": SideslipEstimate(angles, np.sqrt(variances)),
             "filter": claim(problem, found, angles, variances),
             "smoother": claim(
-                problem, found, smoothed.states[:, 0], smoothed.covariance[:, 0, 0], ahead=True
+                problem, found, smoothed[:, 0], smoothed_covariance[:, 0, 0], ahead=True
             ),
         }
         for name, one in claims.items():
@@ -285,9 +286,9 @@ def test_kernels_mean_the_same_interpreted(
 
     def everything() -> list[Floats]:
         found = filtered(problem)
-        smoothed = smooth_drive(problem, found)
+        smoothed, smoothed_covariance = smooth_drive(problem, found)
         both_ways = mismatch(problem, found), mismatch(problem, found, ahead=True)
-        parts = [*found[:6], *found.model, *smoothed]
+        parts = [*found[:6], *found.model, smoothed, smoothed_covariance]
         return parts + [array for each in both_ways for array in each]
 
     compiled = everything()
@@ -364,6 +365,27 @@ def test_short_repetitions_and_rounded_values_are_not_stuck() -> None:
     rounded = np.round(drive.lateral_acceleration / 0.1) * 0.1
     rounded[150:190] = rounded[150]
     assert not stuck_samples(dataclasses.replace(drive, lateral_acceleration=rounded)).any()
+
+@pytest.mark.parametrize("name", ["yaw_rate", "lateral_acceleration"])
+@pytest.mark.parametrize("value", [0.0, 0.3])
+def test_the_other_sensor_replaces_one_that_never_changes(name: str, value: float) -> None:
+    model = generate("serpentine", drivers=0)
+    drive = dataclasses.replace(model.recording, **{name: np.full(len(model.recording), value)})
+    dead = dataclasses.replace(model, recording=drive)
+    backend = recommended(dead)
+    assert backend.name == "rts-smoother"
+    result = backend.run(dead.blinded(), Request())
+    assert f"{name} is stuck at 0-" in result.message
+    assert dead.verify(result.point).objective < 0.1
+    assert dead.coverage(result.point) >= 0.9
+
+
+def test_a_quiet_sensor_on_a_straight_road_is_not_stuck() -> None:
+    drive = generate(drivers=0).recording
+    straight = dataclasses.replace(drive, yaw_rate=np.zeros(len(drive)), lateral_acceleration=
+        0.05 * np.random.default_rng(0).normal(size=len(drive)))  # fmt: skip
+    assert not stuck_samples(straight).any()
+
 
 
 def test_the_smoother_uses_the_noise_that_it_measures() -> None:

@@ -13,7 +13,7 @@ import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.instances import write_model
 from crosstrack.instances.sideslip import generate, read_recording, read_vehicle, write_vehicle
-from crosstrack.instances.sideslip.settings import VEHICLE
+from crosstrack.instances.sideslip.vehicles import VEHICLE
 
 #: Header with the columns in the order of DRIVE.
 HEADER = "time [s],speed [m/s],steering [rad],yaw_rate [rad/s],lateral_acceleration [m/s²]"

@@ -11,8 +11,8 @@ from crosstrack.errors import InvalidData
 from crosstrack.instances.sideslip import simulator
 from crosstrack.instances.sideslip.drivers import HELD_OUT, Design, Driver, design_drivers
 from crosstrack.instances.sideslip.roads import Road, RoadKind, road_of
-from crosstrack.instances.sideslip.settings import VEHICLE
 from crosstrack.instances.sideslip.simulator import STEERING_LIMIT, STEP, simulate
+from crosstrack.instances.sideslip.vehicles import VEHICLE
 from crosstrack.models.sideslip import Vehicle
 
 #: Goal far to the left, for which the steering soon stays at its limit.
