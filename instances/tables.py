@@ -116,8 +116,8 @@ class Sheet:
     ----------
     where : str
         File and line of the header, for messages.
-    labels, names : list of str
-        Cells of the header as written, and in lower case.
+    labels, names, plain : list of str
+        Cells of the header as written, in lower case, and in lower case without units and blanks.
     """
 
     def __init__(
@@ -136,6 +136,7 @@ class Sheet:
         self.where = f"{self.file}, line {line}"
         self.labels = [label.lstrip("# ") for label in header]
         self.names = [label.casefold() for label in self.labels]
+        self.plain = [label_parts(label)[0].casefold().replace(" ", "_") for label in self.labels]
 
     def parts(self, at: int) -> tuple[str, str]:
         """Return name and unit of column `at` as written; both may be empty."""
@@ -179,14 +180,13 @@ class Sheet:
             )
         result: dict[int, Column] = {}
         unknown: list[int] = []
-        bare = [self.parts(at)[0].casefold().replace(" ", "_") for at in range(len(self.names))]
         aliases = {
             alias: column
             for column in columns
             for alias in column.aliases
-            if column.name not in (*self.names, *bare)
+            if column.name not in (*self.names, *self.plain)
         }
-        for at, (label, name) in enumerate(zip(self.names, bare, strict=True)):
+        for at, (label, name) in enumerate(zip(self.names, self.plain, strict=True)):
             column = plain.get(label) or with_unit.get(name) or aliases.get(name)
             if column is None:
                 unknown.append(at)
@@ -200,7 +200,9 @@ class Sheet:
         refused = [
             self._title(at)
             for at in unknown
-            if strict and bare[at] not in _HARMLESS and not self.names[at].startswith(UNMAPPED)
+            if strict
+            and self.plain[at] not in _HARMLESS
+            and not self.names[at].startswith(UNMAPPED)
         ]
         if refused and not fault:
             fault = f"remove or rename the other columns, {show(', '.join(refused))}"

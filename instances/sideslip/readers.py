@@ -3,8 +3,8 @@
 A file has a header with the columns ``time``, ``speed``, ``steering``, ``yaw_rate``,
 ``lateral_acceleration`` and, optionally, ``sideslip``, ``longitudinal_acceleration`` and the four rim speeds
 ``wheel_front_left``, ``wheel_front_right``, ``wheel_rear_left`` and ``wheel_rear_right``, in any order, each with its unit
-in brackets, such as ``speed [km/h]``. The angle of the steering wheel, ``steering_wheel``, may replace that of
-the front wheels. Other columns are ignored with a warning in the log.
+in brackets, such as ``speed [km/h]``. The four rim speeds may replace the speed, and the angle of the steering wheel,
+``steering_wheel``, that of the front wheels. Other columns are ignored with a warning in the log.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.fields import Optional, Real
-from ...models.sideslip.data import MOST_GAP, Recording
+from ...models.sideslip.data import MOST_GAP, Recording, estimate_speed
 from ..series import insert_rows, interpolate
 from ..storage import Assumed
-from ..tables import Column, TableOptions, read_table
+from ..tables import Column, Sheet, TableOptions
 from ..units import ACCELERATIONS, ANGLES, RATES, SPEEDS, TIMES
 from .vehicles import VEHICLE
 
@@ -96,10 +96,12 @@ def read_recording(
             f"{path}: steering_ratio must be given for steering_wheel, such as steering_ratio=16",
             field="steering_ratio",
         )
-    unread = "steering_wheel" if ratio is None else "steering"
-    columns = [column for column in _COLUMNS if column.name != unread]
-    names = {"row": "sample", "field": "recording"}
-    table = read_table(path, columns, _HEADER, strict=False, series=True, **names, **options)
+    unread = {"steering_wheel" if ratio is None else "steering"}
+    sheet = Sheet(path, "sample", "recording", series=True, **options)
+    if {"speed", *_WHEELS}.difference(sheet.plain) == {"speed"}:
+        unread.add("speed")
+    columns = [column for column in _COLUMNS if column.name not in unread]
+    table = sheet.read(sheet.select(columns, _HEADER, strict=False))
     if ratio is not None:
         angles = table.values.pop("steering_wheel")
         table.values["steering"] = [angle / ratio for angle in angles]
@@ -126,6 +128,11 @@ def read_recording(
         )
     if wheels:
         values["wheel_speeds"] = np.column_stack(wheels)
+    if "speed" not in values:
+        log.warning("%s: the speed follows from those of the wheels", path)
+        values["speed"] = estimate_speed(
+            values["wheel_speeds"], values["steering"], values["yaw_rate"]
+        )
     try:
         return Recording(times=values.pop("time"), **values)
     except InvalidData as error:

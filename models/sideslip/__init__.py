@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 from ...lazy import attach
 
 if TYPE_CHECKING:
-    from .data import Recording as Recording, Tyre as Tyre, Vehicle as Vehicle
+    from .data import (
+        Recording as Recording,
+        Tyre as Tyre,
+        Vehicle as Vehicle,
+        estimate_speed as estimate_speed,
+    )
     from .identification import Identification as Identification, identify as identify
     from .model import SideslipEstimation as SideslipEstimation
     from .plan import SideslipEstimate as SideslipEstimate

@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InvalidData
 from ..declaration import Declared
@@ -16,7 +16,10 @@ from ..fields import Array, Optional, Real, declared, show
 from ..inputs import Field, FloatArray, FloatsOrNone
 from ..records import Member
 
-__all__ = ["GRAVITY", "LOW_SPEED", "MOST_GAP", "UNKNOWN", "Recording", "Tyre", "Vehicle"]
+__all__ = [
+    "GRAVITY", "LOW_SPEED", "MOST_GAP", "UNKNOWN", "Recording", "Tyre", "Vehicle",
+    "estimate_speed",
+]  # fmt: skip
 
 
 #: Standard gravity, m/s².
@@ -206,3 +209,48 @@ class Recording(Declared):
         """True for samples at 1 m/s or more, whose angle is defined, shape (n,)."""
         result: NDArray[np.bool_] = self.speed >= LOW_SPEED
         return result
+
+
+def estimate_speed(
+    wheel_speeds: ArrayLike, steering: ArrayLike, yaw_rate: ArrayLike, track: float = 1.5
+) -> NDArray[np.float64]:
+    """Return the forward speed of a vehicle at its centre of mass from the speeds of its wheels.
+
+    Each wheel that rolls without slip gives the speed: ``w ± ω t / 2`` at the rear, and ``w cos δ ± ω t / 2`` at the front. A
+    driven wheel is faster and a braked wheel slower. The result stays within the second and the third of the four sorted speeds,
+    and changes as little as possible. One wheel that spins, locks or fails, or one axle that is driven, therefore changes it little.
+    If all wheels are braked, it is too small by the slip of the second fastest wheel.
+
+    Parameters
+    ----------
+    wheel_speeds : array-like, shape (n, 4)
+        Rim speeds in metres per second: front left, front right, rear left and rear right.
+    steering : array-like, shape (n,)
+        Steering angle of the front wheels, in radians.
+    yaw_rate : array-like, shape (n,)
+        Yaw rate in radians per second.
+    track : float
+        Distance between the left and the right wheels, in metres, 1.5 by default.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Speed in metres per second, >= 0.
+
+    Raises
+    ------
+    InvalidData
+        A value is not finite or out of range, or the shapes differ.
+    """
+    sizes: dict[str, tuple[int, str]] = {}
+    rims = Array(("n", 4), lower=0.0, upper=1000.0).coerce("wheel_speeds", wheel_speeds, sizes)
+    angle = Array(("n",), lower=-np.pi / 2, upper=np.pi / 2).coerce("steering", steering, sizes)
+    turn = Array(("n",), lower=-100.0, upper=100.0).coerce("yaw_rate", yaw_rate, sizes)
+    half = 0.5 * Real(0, strict=True, upper=10.0, unit="m").coerce("track", track, {}) * turn
+    forward = np.column_stack([rims[:, :2] * np.cos(angle)[:, None], rims[:, 2:]])
+    forward += np.column_stack([half, -half, half, -half])
+    middle = np.maximum(np.sort(forward, axis=1)[:, 1:3], 0.0)
+    speed, result = float(middle[:1].sum()) / 2.0, np.empty(len(middle))
+    for k, (low, high) in enumerate(middle.tolist()):
+        result[k] = speed = min(max(speed, low), high)
+    return result

@@ -10,7 +10,7 @@ from sideslip.two_track import SCENARIOS, drive
 from crosstrack.errors import InvalidData
 from crosstrack.instances.sideslip import read_recording
 from crosstrack.models import SideslipEstimation
-from crosstrack.models.sideslip import Recording, Vehicle
+from crosstrack.models.sideslip import Recording, Vehicle, estimate_speed
 from crosstrack.solvers import Request, find_backend
 from crosstrack.solvers.sideslip.learning import relative_size
 
@@ -98,6 +98,72 @@ def test_reader_accepts_the_optional_columns(tmp_path):
     np.savetxt(file, table[:, :-1], delimiter=",", header=head[:-1], comments="", fmt="%.17g")
     with pytest.raises(InvalidData, match="wheel_rear_right"):
         read_recording(file)
+
+
+def test_speeds_of_the_wheels_replace_the_speed_of_a_file(tmp_path, caplog):
+    """The file needs a column of the speed if a wheel is missing."""
+    entry = recording("parking", more=True)
+    names = "times", "steering", "yaw_rate", "lateral_acceleration"
+    table = np.column_stack([*(getattr(entry, name) for name in names), entry.wheel_speeds])
+    wheels = [
+        f"wheel_{axle}_{side} [m/s]" for axle in ("front", "rear") for side in ("left", "right")
+    ]
+    head = [
+        "time [s]",
+        "steering [rad]",
+        "yaw_rate [rad/s]",
+        "lateral_acceleration [m/s^2]",
+        *wheels,
+    ]
+    file = tmp_path / "drive.csv"
+    form = {"delimiter": ",", "comments": "", "fmt": "%.17g"}
+    np.savetxt(file, table, header=",".join(head), **form)
+    with caplog.at_level("WARNING", logger="crosstrack"):
+        again = read_recording(file)
+    assert "the speed follows from those of the wheels" in caplog.text
+    assert np.array_equal(
+        again.speed, estimate_speed(entry.wheel_speeds, entry.steering, entry.yaw_rate)
+    )
+    np.savetxt(file, table[:, :-1], header=",".join(head[:-1]), **form)
+    with pytest.raises(InvalidData, match="missing: speed"):
+        read_recording(file)
+
+
+@pytest.mark.parametrize("name", sorted(SCENARIOS))
+@pytest.mark.parametrize("wheel", [None, 0, 3])
+def test_speed_from_the_wheels_is_near_the_true_one(name, wheel):
+    """Also with one failed wheel. Braked wheels are too slow, and driven ones too fast."""
+    entry = drive(name)
+    rims = entry.wheel_speeds.copy()
+    if wheel is not None:
+        rims[len(rims) // 3 :, wheel] = 0.0
+    speed = estimate_speed(rims, entry.steering, entry.yaw_rate)
+    off = speed - entry.true["vx"]
+    slips = name in ("braking-in-a-turn", "spin")
+    assert np.abs(off).max() < (0.8 if slips else 0.3)
+
+
+def test_a_wheel_that_spins_or_locks_does_not_change_the_speed():
+    rims = np.full((200, 4), 20.0)
+    rims[50:100, 2:] = 35.0
+    rims[120:150, 0] = 0.0
+    speed = estimate_speed(rims, np.zeros(200), np.zeros(200))
+    assert np.array_equal(speed, np.full(200, 20.0))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ((np.ones((3, 3)), np.zeros(3), np.zeros(3)), "wheel_speeds"),
+        ((-np.ones((3, 4)), np.zeros(3), np.zeros(3)), "wheel_speeds"),
+        ((np.ones((3, 4)), np.zeros(2), np.zeros(3)), "steering"),
+        ((np.ones((3, 4)), np.zeros(3), np.full(3, np.nan)), "yaw_rate"),
+        ((np.ones((3, 4)), np.zeros(3), np.zeros(3), 0.0), "track"),
+    ],
+)
+def test_rejects_speeds_of_wheels_of_a_wrong_shape_or_range(values, message):
+    with pytest.raises(InvalidData, match=message):
+        estimate_speed(*values)
 
 
 @pytest.mark.parametrize("name", ["lane-change", "braking-in-a-turn"])

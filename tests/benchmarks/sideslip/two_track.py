@@ -1,7 +1,8 @@
 """Errors of the estimators on the two-track simulator with Magic Formula tyres, and on a recorded race-track drive.
 
 ``python tests/benchmarks/sideslip/two_track.py`` writes tables of ``docs/measured/sideslip.json``. Values are means over the
-seeds of the sensor noise. The UKF of filterpy is measured if it is installed.
+seeds of the sensor noise. The UKF of filterpy is measured if it is installed. Names of functions as arguments, such as ``wheels``,
+write only their tables.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from sideslip import stanford, two_track  # noqa: E402
 from sideslip.drives import CAR as PARAMETERS  # noqa: E402
 
 from crosstrack.models import SideslipEstimation  # noqa: E402
-from crosstrack.models.sideslip import Recording, Vehicle  # noqa: E402
+from crosstrack.models.sideslip import Recording, Vehicle, estimate_speed  # noqa: E402
 from crosstrack.models.sideslip.dynamics import (  # noqa: E402
     advance,
     axle_force,
@@ -68,11 +69,15 @@ def answer(model: SideslipEstimation, name: str) -> tuple[float, float]:
     return model.verify(plan).objective, model.coverage(plan)
 
 
-def filterpy_ukf(model: SideslipEstimation) -> tuple[float, float]:
-    """Return error and coverage of filterpy's UKF with the same vehicle and noises, and angle and yaw rate as states."""
+def filterpy_ukf(model: SideslipEstimation, along: np.ndarray | None = None) -> tuple[float, float]:
+    """Return error and coverage of filterpy's UKF with the same vehicle and noises, and angle and yaw rate as states.
+
+    With forward accelerations `along` (m/s²) the loads of the axles, and with them stiffness and friction, change.
+    """
     from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-    drive, p = model.recording, parameters(model.vehicle)
+    drive, usual = model.recording, parameters(model.vehicle)
+    p = usual.copy()
     step: list[float] = [0.0] * 4
     points = MerweScaledSigmaPoints(2, alpha=1.0, beta=2.0, kappa=1.0)
     kalman = UnscentedKalmanFilter(
@@ -85,6 +90,8 @@ def filterpy_ukf(model: SideslipEstimation) -> tuple[float, float]:
     kalman.R = np.diag([model.yaw_rate_noise**2, model.acceleration_noise**2])
     angles, deviations = np.empty((2, len(drive)))
     for k in range(len(drive)):
+        if along is not None:
+            p[4:8] = usual[4:8] * load_factors(float(along[k]))
         if k:
             dt = float(drive.times[k] - drive.times[k - 1])
             step[:] = (
@@ -99,6 +106,65 @@ def filterpy_ukf(model: SideslipEstimation) -> tuple[float, float]:
         angles[k], deviations[k] = kalman.x[0], np.sqrt(kalman.P[0, 0])
     off, on = np.abs(angles - model.truth), drive.moving
     return float(np.degrees(off[on].mean())), float((off <= 2 * deviations)[on].mean())
+
+
+def load_factors(along: float) -> list[float]:
+    """Return the factors on both stiffnesses and both frictions of the axles at a forward acceleration (m/s²)."""
+    car = two_track.CAR
+    lift = along * car.height / two_track.GRAVITY
+    front, rear = -lift / car.rear, lift / car.front
+    x = 1.0 / car.stiffest
+    # Derivative of the stiffness of the simulator's tyres with respect to the relative load, at the static load.
+    slope = (1.0 - x * x) / (1.0 + x * x)
+    return [1.0 + slope * front, 1.0 + slope * rear, 1.0 + front, 1.0 + rear]
+
+
+def load_transfer() -> None:
+    """Write the errors of a filter that neglects the longitudinal load transfer, and of one that knows it exactly."""
+    rows = []
+    for name in two_track.SCENARIOS:
+        errors = []
+        for seed in range(SEEDS):
+            along = two_track.drive(name, seed).longitudinal_acceleration
+            model = problem(name, seed, LOADED)
+            errors.append([filterpy_ukf(model)[0], filterpy_ukf(model, along)[0]])
+        before, after = np.mean(errors, axis=0)
+        rows.append([name, float(before), float(after), float(after / before)])
+    said = (
+        "Mean error in degrees of a UKF of filterpy with Magic Formula tyres and lateral load transfer; the height of the centre "
+        "of mass and the dependence of stiffness and friction on the load are those of the simulator."
+    )
+    columns = {"neglected": ".3f", "longitudinal load transfer": ".3f", "ratio": ".2f"}
+    store("load-transfer", "scenario", columns, rows, said, "filterpy")
+
+
+def wheels() -> None:
+    """Write the errors of the speed from the wheels, and of the filter that uses it instead of the measured speed."""
+    rows = []
+    for name in two_track.SCENARIOS:
+        cells = []
+        for seed in range(SEEDS):
+            drive = two_track.drive(name, seed)
+            failed = drive.wheel_speeds.copy()
+            failed[len(failed) // 3 :, 3] = 0.0
+            speeds = [
+                (rims.mean(axis=1), estimate_speed(rims, drive.steering, drive.yaw_rate))
+                for rims in (drive.wheel_speeds, failed)
+            ]
+            off = np.abs(np.array(speeds) - drive.true["vx"]).max(axis=2)
+            model = problem(name, seed, LOADED)
+            other = replace(model, recording=replace(model.recording, speed=speeds[0][1]))
+            angles = [answer(entry, "kalman-filter")[0] for entry in (model, other)]
+            cells.append([*off.ravel(), *angles])
+        rows.append([name, *np.mean(cells, axis=0).tolist()])
+    said = (
+        "Largest error of the speed in m/s, with four wheels and if the rear right one shows 0 after a third of the drive, and mean "
+        "error of the angle of kalman-filter in degrees with Magic Formula tyres and lateral load transfer. Means over "
+        f"{SEEDS} seeds of noise."
+    )
+    names = "mean of the wheels", "estimate_speed", "mean, one fails", "estimate_speed, one fails"
+    columns = dict.fromkeys((*names, "angle, measured speed", "angle, estimate_speed"), ".3f")
+    store("wheel-speeds", "scenario", columns, rows, said)
 
 
 def store(
@@ -276,8 +342,11 @@ def race_track() -> None:
 
 
 if __name__ == "__main__":
-    secants()
-    laws()
-    if stanford.FILE.exists():
-        race_track()
-    scenarios()
+    parts = secants, laws, race_track, scenarios, wheels, load_transfer
+    if not stanford.FILE.exists():
+        parts = tuple(part for part in parts if part is not race_track)
+    if find_spec("filterpy") is None:
+        parts = tuple(part for part in parts if part is not load_transfer)
+    for part in parts:
+        if not sys.argv[1:] or part.__name__ in sys.argv[1:]:
+            part()
