@@ -25,6 +25,8 @@ SLOW = 5.0
 SENSORS, SPIKE, LEAST = ("yaw_rate", "lateral_acceleration"), 14.0, 100
 #: Least duration (s) and number of repetitions of a value by a stuck sensor, and share of other repetitions above which it is rounded.
 STUCK, REPEATS, ROUNDED = 1.0, 20, 0.1
+#: Range of a sensor in turns, in deviations of its noise.
+TURNS = 20.0
 
 
 @np.errstate(over="ignore")  # an overflow gives an infinite error, which is no valid objective
@@ -95,16 +97,20 @@ def sensor_noises(recording: Recording) -> Floats:
 def stuck_samples(recording: Recording) -> NDArray[np.bool_]:
     """Return the samples in motion at which each sensor repeats a value for a second or more, shape (2, n).
 
-    A sensor without noise, or one that often repeats its value because it is rounded, is not stuck.
+    A sensor without noise, or one that often repeats its value because it is rounded, is not stuck. One that never changes is
+    stuck if the range of the other one is that of turns.
     """
     result = np.zeros((2, len(recording)), bool)
-    for row, name, noise in zip(result, SENSORS, sensor_noises(recording), strict=True):
+    noises = sensor_noises(recording)
+    ranges = np.array([np.ptp(getattr(recording, name)) for name in SENSORS])
+    turns = ranges[::-1] > TURNS * noises[::-1]
+    for row, name, noise, dead in zip(result, SENSORS, noises, turns & (ranges == 0), strict=True):
         same = np.diff(getattr(recording, name)) == 0.0
         first, last = np.flatnonzero(np.diff(np.pad(same, 1).astype(int))).reshape(-1, 2).T
         times = recording.times
         long = (times[last] - times[first] >= STUCK) & (last - first >= REPEATS)
         others = np.count_nonzero(same) - (last - first)[long].sum()
-        if noise > 0.0 and others <= ROUNDED * len(same):
+        if (noise > 0.0 or dead) and others <= ROUNDED * len(same):
             for begin, end in zip(first[long], last[long], strict=True):
                 row[begin : end + 1] = recording.moving[begin : end + 1]
     return result
@@ -120,7 +126,7 @@ def without_faults(recording: Recording) -> Recording:
     changes = {}
     for name, noise in zip(SENSORS, sensor_noises(recording), strict=True):
         values = getattr(recording, name)
-        near = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, mode="edge"), 5)
+        near = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, mode="reflect"), 5)
         middle = np.median(near, axis=1)
         usual = np.median(np.abs(near - middle[:, None]), axis=1)
         spikes = np.abs(values - middle) > SPIKE * np.maximum(usual, noise)

@@ -80,6 +80,7 @@ class OnlineFilter:
         The history is negative or not finite.
     """
 
+    @np.errstate(over="ignore")  # noises of any size are allowed
     def __init__(self, model: SideslipEstimation, backend: str, history: float = 0.0) -> None:
         self._history = Real(0.0).coerce("history", history, {})
         jit.compile_always()

@@ -35,6 +35,8 @@ Floats = NDArray[np.float64]
 _BETTER = 0.95
 #: Ratio of the noise of the drive to that of the training drives up to which a tyre curve learned from them is used.
 _NOISIER = 2.0
+#: Ratio of the filter's deviation to its largest one on the training drives above which the tyre curve does not correct its error.
+_DOUBTFUL = 2.0
 #: Relative change of the mass since the training drives whose effect is named, and the smallest effect, rad.
 LOAD, LEAST_EFFECT = 0.1, math.radians(0.1)
 #: Factor on a deviation above which a message names the reason.
@@ -161,6 +163,9 @@ class KalmanGrnn(_Learning):
         if result is None:
             return _uncorrected(here, base)
         error, deviation, near = result
+        usual = np.concatenate(
+            [entry.deviation[d.moving] for d, entry in zip(problem.training, there, strict=True)]
+        )
         if _noise_ratio(problem) <= _NOISIER:
             curved = _correct_by_curve(problem, examples, filtered, _BETTER * learned.error)
             if curved is not None:
@@ -168,14 +173,14 @@ class KalmanGrnn(_Learning):
                 # Kernel and curve estimate the same error. They differ at inputs that the training drives lack.
                 apart = 0.5 * np.abs(here.sideslip + near * error - angle)
                 apart += (1.0 - near) * learned.spread
-                deviation, message = widen_near(problem, angle, np.hypot(curved.deviation, apart))
+                # A filter that is far less sure than on all training drives has errors that they lack.
+                most = _DOUBTFUL * usual.max()
+                unsure = np.sqrt(np.maximum(here.deviation**2 - most**2, 0.0))
+                claimed = np.hypot(curved.deviation, np.hypot(apart, unsure))
+                deviation, message = widen_near(problem, angle, claimed)
                 message = "; ".join(filter(None, (message, name_unseen_load(problem, deviation))))
                 return curved._replace(sideslip=angle, deviation=deviation, message=message)
-        claims = zip(problem.training, there, strict=True)
-        usual = np.median(
-            np.concatenate([entry.deviation[drive.moving] for drive, entry in claims])
-        )
-        unsure = np.maximum(here.deviation / usual, 1.0)
+        unsure = np.maximum(here.deviation / np.median(usual), 1.0)
         return Estimate(
             here.sideslip + near * error, deviation * unsure, describe_learning(learned),
             here.message, learned.spread, history=True,

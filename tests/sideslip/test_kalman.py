@@ -327,6 +327,16 @@ def test_spikes_change_neither_the_choice_nor_the_angle(drivers: int, name: str)
     assert model.coverage(found.point) >= 0.9
 
 
+@pytest.mark.parametrize("sample", [0, 1, 339, 340])
+@pytest.mark.parametrize("name", ["yaw_rate", "lateral_acceleration"])
+def test_spikes_at_both_ends_of_a_drive_are_replaced(name: str, sample: int) -> None:
+    model = generate(drivers=0)
+    values = getattr(model.recording, name).copy()
+    values[sample] = 90.0
+    repaired = without_faults(dataclasses.replace(model.recording, **{name: values}))
+    assert abs(getattr(repaired, name)[sample]) < 1.0
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_turns_steps_and_vibrations_are_no_spikes(seed: int) -> None:
     drive = generate("serpentine", seed=seed, drivers=0).recording
@@ -356,16 +366,6 @@ def test_the_other_sensor_replaces_a_stuck_one(name: str) -> None:
     assert stuck.coverage(result.point) >= 0.9
 
 
-def test_short_repetitions_and_rounded_values_are_not_stuck() -> None:
-    drive = generate(drivers=0).recording
-    side = drive.lateral_acceleration.copy()
-    side[150:170] = side[150]  # 19 steps of 0.05 s
-    short = dataclasses.replace(drive, lateral_acceleration=side)
-    assert not stuck_samples(short).any()
-    rounded = np.round(drive.lateral_acceleration / 0.1) * 0.1
-    rounded[150:190] = rounded[150]
-    assert not stuck_samples(dataclasses.replace(drive, lateral_acceleration=rounded)).any()
-
 @pytest.mark.parametrize("name", ["yaw_rate", "lateral_acceleration"])
 @pytest.mark.parametrize("value", [0.0, 0.3])
 def test_the_other_sensor_replaces_one_that_never_changes(name: str, value: float) -> None:
@@ -386,6 +386,16 @@ def test_a_quiet_sensor_on_a_straight_road_is_not_stuck() -> None:
         0.05 * np.random.default_rng(0).normal(size=len(drive)))  # fmt: skip
     assert not stuck_samples(straight).any()
 
+
+def test_short_repetitions_and_rounded_values_are_not_stuck() -> None:
+    drive = generate(drivers=0).recording
+    side = drive.lateral_acceleration.copy()
+    side[150:170] = side[150]  # 19 steps of 0.05 s
+    short = dataclasses.replace(drive, lateral_acceleration=side)
+    assert not stuck_samples(short).any()
+    rounded = np.round(drive.lateral_acceleration / 0.1) * 0.1
+    rounded[150:190] = rounded[150]
+    assert not stuck_samples(dataclasses.replace(drive, lateral_acceleration=rounded)).any()
 
 
 def test_the_smoother_uses_the_noise_that_it_measures() -> None:

@@ -4,6 +4,7 @@ import dataclasses
 import math
 import pickle
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -270,6 +271,17 @@ def test_wild_samples_give_finite_estimates(size):
         )
         result = estimator.update(row)
         assert all(map(math.isfinite, result)) and 0.0 <= result.deviation <= 2.0
+
+
+@pytest.mark.parametrize("name", ["kalman-filter", "unscented-filter"])
+def test_noises_that_overflow_cause_no_warning(name):
+    model = dataclasses.replace(
+        drawn(0), yaw_rate_noise=1e300, initial_deviation=(1e300, 1e-9), disturbance=(1e300, 1e-9)
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        result = ct.prepare(model, name).update((0, 20, 0.01, 0, 0))
+    assert all(map(math.isfinite, result))
 
 
 def test_other_backends_and_options_are_refused():

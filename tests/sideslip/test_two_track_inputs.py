@@ -206,6 +206,22 @@ def test_claims_hold_in_situations_that_differ_from_the_training_drives(name):
         assert "changes over a second differ" in result.message
 
 
+def test_the_claim_of_the_tyre_curve_contains_a_filter_that_has_lost_the_angle():
+    """A spike at the first sample drives tyres with a peak to 90°, from which the filter does not return."""
+    problem = model("serpentine")
+    side = problem.recording.lateral_acceleration.copy()
+    side[0] = 1000.0
+    car = replace(problem.vehicle, tyre="magic-formula")
+    recording = replace(problem.recording, lateral_acceleration=side)
+    problem = replace(problem, vehicle=car, recording=recording)
+    result = answer(problem)
+    assert result.statistics["tyre curve"] == 1.0
+    assert problem.verify(result.point).objective > 45.0
+    assert problem.coverage(result.point) >= 0.8
+    # The smoother replaces the spike.
+    assert problem.verify(answer(problem, "smoother-grnn").point).objective < 0.1
+
+
 def test_size_of_errors_falls_with_the_speed():
     speed = np.linspace(5.0, 50.0, 200)
     size = relative_size(0.01 + 0.2 / speed, speed)
