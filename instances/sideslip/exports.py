@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import InvalidData
 from ...models.fields import required
 from ...models.sideslip.model import SideslipEstimation
 from ...models.sideslip.plan import SideslipEstimate
@@ -47,14 +46,8 @@ def write_sideslip_csv(
     InvalidData
         The estimate has another number of samples than the model, or the file cannot be written.
     """
-    required("plan", plan, SideslipEstimate)
-    required("model", model, SideslipEstimation)
-    recording = model.recording
-    if len(plan) != len(recording):
-        raise InvalidData(
-            f"sideslip must have {len(recording)} entries, one per sample, got {len(plan)}",
-            field="sideslip",
-        )
+    recording = required("model", model, SideslipEstimation).recording
+    model.checked_plan(plan)
     table = np.column_stack(
         [
             *(recording.times, plan.sideslip, plan.deviation, recording.speed, recording.steering),

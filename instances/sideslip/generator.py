@@ -122,11 +122,10 @@ def generate(
     first_driver: Any = Nested(Driver).coerce("driver", HELD_OUT if driver is None else driver, {})
     count = Whole(0, MOST_DRIVES).coerce("drivers", drivers, {})
     plan = Design(Member(Design).coerce("design", design, {}))
-    grip = Real(lower=0, strict=True).coerce("friction", friction, {})
-    later = Optional(Real(lower=0, strict=True)).coerce("later_friction", later_friction, {})
-    trained = Optional(Real(lower=0, strict=True)).coerce(
-        "training_friction", training_friction, {}
-    )
+    positive = Real(lower=0, strict=True)
+    grip = positive.coerce("friction", friction, {})
+    later = Optional(positive).coerce("later_friction", later_friction, {})
+    trained = Optional(positive).coerce("training_friction", training_friction, {})
     law = Member(Tyre).coerce("tyre", tyre, {})
     truth: Any = Nested(Vehicle).coerce("vehicle", vehicle, {})
     truth = dataclasses.replace(truth, tyre=law, friction=grip)

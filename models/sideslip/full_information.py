@@ -56,8 +56,7 @@ class Stretch:
         drive = model.recording
         return cls(
             linear, np.stack([drive.yaw_rate, drive.lateral_acceleration], axis=1), drive.moving,
-            np.array([model.yaw_rate_noise, model.acceleration_noise]),
-            model.disturbance * np.sqrt(np.diff(drive.times))[:, None], model.initial,
+            model.sensor_noises, model.disturbance * np.sqrt(np.diff(drive.times))[:, None], model.initial,
             np.diag(model.initial_deviation),
         )  # fmt: skip
 

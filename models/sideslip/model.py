@@ -175,7 +175,7 @@ class SideslipEstimation(Model[SideslipEstimate]):
     def verify(self, plan: SideslipEstimate, *, tolerance: float = TOLERANCE) -> Verification:
         """Return the mean error (degrees) as objective, and the check that all angles are within ±90°."""
         check_tolerance(tolerance)
-        angles = self._checked(plan).sideslip
+        angles = self.checked_plan(plan).sideslip
         over = np.abs(angles) - np.pi / 2
         k = int(over.argmax())
         angle = Check.scaled(
@@ -209,13 +209,14 @@ class SideslipEstimation(Model[SideslipEstimate]):
         InvalidData
             The truth is unknown, or the plan does not fit this model.
         """
-        result = self._checked(self.as_plan(plan))
+        result = self.checked_plan(self.as_plan(plan))
         if self.truth is None:
             raise InvalidData("truth is not known, so no coverage can be measured", field="truth")
         within = np.abs(result.sideslip - self.truth) <= deviations * result.deviation
         return float(within[self.recording.moving].mean())
 
-    def _checked(self, plan: SideslipEstimate) -> SideslipEstimate:
+    def checked_plan(self, plan: SideslipEstimate) -> SideslipEstimate:
+        """Return the plan, or raise :class:`InvalidData` if it is of another type or length."""
         required("plan", plan, SideslipEstimate)
         if len(plan) != len(self.recording):
             raise InvalidData(
@@ -226,7 +227,7 @@ class SideslipEstimation(Model[SideslipEstimate]):
 
     def distance(self, plan: SideslipEstimate, other: SideslipEstimate) -> float:
         """Return the mean absolute difference of two estimates, in degrees."""
-        first, second = self._checked(plan), self._checked(other)
+        first, second = self.checked_plan(plan), self.checked_plan(other)
         return mean_error(self.recording, first.sideslip, second.sideslip)
 
     def describe(self) -> str:

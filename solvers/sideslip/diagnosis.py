@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from ...models.sideslip.checks import sensor_noises
+from ...models.sideslip.checks import SENSORS, sensor_noises
 from ...models.sideslip.data import GRAVITY, LOW_SPEED, Tyre, Vehicle
 from ...models.sideslip.model import SideslipEstimation
 from ..run.diagnosis import Diagnosis, Finding
@@ -37,7 +37,9 @@ _HIDDEN = 1e6
 _UNLIKE = 1.5
 #: Correlation above which a slope is significant, and largest factor between it and its expected value.
 _CLEAR, _SLACK = 0.8, 2.0
-#: Factors by which ``a / (u ω)`` is too small if a unit is wrong, with their findings.
+#: Units of the sensors, in their order.
+_SENSOR_UNITS = ("rad/s", "m/s²")
+#: Factors on ``a / (u ω)`` that correct a wrong unit, with their findings.
 _UNITS = (
     (180.0 / math.pi, "the yaw rate seems to be in degrees a second, and must be in rad/s"),
     (GRAVITY, "the lateral acceleration seems to be in g, and must be in m/s²"),
@@ -162,9 +164,7 @@ def _sampling(model: SideslipEstimation) -> Iterator[Remark]:
 def _stale(model: SideslipEstimation) -> Iterator[Remark]:
     """Yield remarks on constant sensors and on repeated samples."""
     drive = model.recording
-    dead = [
-        name for name in ("yaw_rate", "lateral_acceleration") if not np.ptp(getattr(drive, name))
-    ]
+    dead = [name for name in SENSORS if not np.ptp(getattr(drive, name))]
     # A vehicle that drives straight or in a circle has a constant steering angle, too.
     if not np.ptp(drive.steering) and np.ptp(drive.yaw_rate) > _TURNS * model.yaw_rate_noise:
         dead.append("steering")
@@ -184,14 +184,6 @@ def _stale(model: SideslipEstimation) -> Iterator[Remark]:
         )  # fmt: skip
 
 
-def _sensors(model: SideslipEstimation) -> tuple[tuple[str, str, float], ...]:
-    """Return name, unit and declared noise of both sensors."""
-    return (
-        ("yaw_rate", "rad/s", model.yaw_rate_noise),
-        ("lateral_acceleration", "m/s²", model.acceleration_noise),
-    )
-
-
 def _rest(model: SideslipEstimation) -> Iterator[Remark]:
     """Yield remarks on the share of samples at rest, and on sensor biases at rest."""
     drive = model.recording
@@ -203,7 +195,8 @@ def _rest(model: SideslipEstimation) -> Iterator[Remark]:
         )  # fmt: skip
     stands = drive.speed < _STANDS
     count = int(stands.sum())
-    for name, unit, noise in _sensors(model) if count >= _ENOUGH else ():
+    sensors = zip(SENSORS, _SENSOR_UNITS, model.sensor_noises.tolist(), strict=True)
+    for name, unit, noise in sensors if count >= _ENOUGH else ():
         shown = float(getattr(drive, name)[stands].mean())
         if abs(shown) > 4.0 * noise / math.sqrt(count):
             yield warn(
@@ -306,7 +299,8 @@ def _drift(model: SideslipEstimation) -> Iterator[Remark]:
 def _noise(model: SideslipEstimation) -> Iterator[Remark]:
     """Yield remarks on noise that is large relative to the signal or differs from its declaration."""
     drive = model.recording
-    for (name, unit, noise), estimate in zip(_sensors(model), sensor_noises(drive), strict=True):
+    noises = model.sensor_noises.tolist(), sensor_noises(drive)
+    for name, unit, noise, estimate in zip(SENSORS, _SENSOR_UNITS, *noises, strict=True):
         values = getattr(drive, name)
         signal = float(np.sqrt(np.mean(values[drive.moving] ** 2)))
         if signal < 3 * noise:

@@ -238,8 +238,7 @@ if claims include the error of small angles.
 
 def noise_of(problem: SideslipEstimation) -> Floats:
     """Return the `sensors` of a :class:`Track` without the distance of the rear axle."""
-    noises = problem.yaw_rate_noise, problem.acceleration_noise, problem.disturbance[0], 0.0
-    return np.square(noises)
+    return np.square([*problem.sensor_noises, problem.disturbance[0], 0.0])
 
 
 def new_track(room: int, sensors: Floats) -> Track:

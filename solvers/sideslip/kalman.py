@@ -36,7 +36,8 @@ def claim(
     of a sample uses later samples.
     """
     model_deviation = np.sqrt(np.maximum(variance, 0.0))
-    deviation = mismatch(problem, filter_pass, ahead=ahead).widen(model_deviation)
+    scale, error = mismatch(problem, filter_pass, ahead=ahead)
+    deviation = np.sqrt(scale * model_deviation**2 + error**2)
     moving = problem.recording.moving
     widening = float(np.median(deviation[moving] / np.maximum(model_deviation[moving], 1e-300)))
     message = ""

@@ -14,7 +14,6 @@ On simulated drives 94-97 % of the true angles were within 2 claimed deviations 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ from ...models.sideslip.dynamics import axle_forces, flow, parameters, rates
 from ...models.sideslip.model import SideslipEstimation
 from .passes import FilterPass, noise_variances
 
-__all__ = ["Mismatch", "mismatch"]
+__all__ = ["mismatch"]
 
 Floats = NDArray[np.float64]
 
@@ -40,28 +39,13 @@ ERRORS = frozen(np.array([0.3, 0.3, 0.02, 0.5]))
 PRECISIONS = frozen(ERRORS**-2.0)
 
 
-class Mismatch(NamedTuple):
-    """Mismatch between a model and the innovations of its filter.
-
-    `scale` is the factor on the variances, >= 1, and `error` the error of the angle (rad) caused by the
-    model errors: the root of the sum of their squares.
-    """
-
-    scale: Floats
-    error: Floats
-
-    def widen(self, deviation: Floats) -> Floats:
-        """Return the deviations (rad) of the model, widened by the mismatch, which an estimate may claim."""
-        widened: Floats = np.sqrt(self.scale * deviation**2 + self.error**2)
-        return widened
-
-
 def mismatch(
     problem: SideslipEstimation, filter_pass: FilterPass, *, ahead: bool = False
-) -> Mismatch:
+) -> tuple[Floats, Floats]:
     """Return the mismatch between a model and the innovations of its filter.
 
-    If `ahead`, later innovations are weighted like earlier ones, for estimates that use all samples.
+    It is the factor on the variances, >= 1, and the error of the angle (rad) caused by the model errors: the root of the sum of
+    their squares. If `ahead`, later innovations are weighted like earlier ones, for estimates that use all samples.
     """
     drive = problem.recording
     n, count = len(drive), len(ERRORS)
@@ -80,14 +64,14 @@ def mismatch(
         later = np.empty_like(terms)
         fade(-drive.times[::-1], terms[::-1].copy(), later)
         sums += later[::-1] - terms
-    result = Mismatch(np.empty(n), np.empty(n))
+    result = np.empty(n), np.empty(n)
     fit_errors(marks, sums, *result)
     return result
 
 
 @kernel(interpretable=True)
 def fit_errors(marks: Floats, sums: Floats, scale: Floats, error: Floats) -> None:
-    """Fill in the fields of the :class:`Mismatch`: `marks` of :func:`leave_marks`, and faded `sums` of its terms."""
+    """Fill in the results of :func:`mismatch`: `marks` of :func:`leave_marks`, and faded `sums` of its terms."""
     n, count = marks.shape
     for k in range(n):
         most = 0.0

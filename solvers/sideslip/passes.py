@@ -49,8 +49,7 @@ class FilterPass(NamedTuple):
 
 def noise_variances(problem: SideslipEstimation) -> Floats:
     """Return the variances of angle and yaw rate per second, then of measured yaw rate and acceleration."""
-    noises = problem.yaw_rate_noise, problem.acceleration_noise
-    return np.square([*problem.disturbance, *noises])
+    return np.square([*problem.disturbance, *problem.sensor_noises])
 
 
 def measurements(drive: Recording) -> Floats:

@@ -225,7 +225,7 @@ EXCEPTIONS = {
         ),
     ),
     "sideslip": (
-        6496,
+        6449,
         "the filter of spins has 400 lines, estimation in the loop 480, identification 300, tyre laws and the tyre curve 250",
     ),
     "unknown_grid": (

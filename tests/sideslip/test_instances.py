@@ -280,7 +280,7 @@ def test_friction_and_speed_over_time():
         ({"road": "motorway"}, "road must be one of lane-change, serpentine"),
         ({"seed": -1}, "seed must be >= 0"),
         ({"seed": 0.5}, "seed must be a whole number"),
-        ({"driver": 7}, "driver must be a Driver"),
+        ({"driver": 7}, "driver must be an object, got 7"),
         ({"driver": {"preview": 1.0}}, "are missing in the data of a driver"),
         ({"driver": {**HELD_OUT.data(), "lag": 0}}, "lag must be >= 0.001 s"),
         ({"drivers": -1}, "drivers must be >= 0"),

@@ -14,8 +14,8 @@ from crosstrack.instances.sideslip.generator import generate
 from crosstrack.models.sideslip import Recording, SideslipEstimate, SideslipEstimation
 from crosstrack.models.sideslip.dynamics import linearise
 from crosstrack.solvers.sideslip import mismatch as mismatches
-from crosstrack.solvers.sideslip.kalman import KalmanFilter
-from crosstrack.solvers.sideslip.mismatch import Mismatch, mismatch
+from crosstrack.solvers.sideslip.kalman import KalmanFilter, claim
+from crosstrack.solvers.sideslip.mismatch import mismatch
 from crosstrack.solvers.sideslip.native import UNKNOWN
 from crosstrack.solvers.sideslip.passes import FilterPass
 
@@ -151,11 +151,11 @@ def left(problem: SideslipEstimation, found: FilterPass) -> tuple[Floats, Floats
 def test_a_large_error_is_told_as_large_as_it_is(bias: tuple[float, float], ahead: bool) -> None:
     clean, biased = generate(drivers=0), generate(drivers=0, bias=bias)
     off = np.abs(filtered(biased).filtered[:, 0] - filtered(clean).filtered[:, 0])
-    told = mismatch(biased, filtered(biased), ahead=ahead).error
+    told = mismatch(biased, filtered(biased), ahead=ahead)[1]
     late = slice(60, None)  # 3 s
     assert (told[late] > 0.4 * off[late]).all()
     assert np.median(told[late]) < 4 * np.median(off[late]) + 1e-3
-    assert np.median(mismatch(clean, filtered(clean), ahead=ahead).error) < 3e-4
+    assert np.median(mismatch(clean, filtered(clean), ahead=ahead)[1]) < 3e-4
 
 
 def test_noise_that_is_greater_than_declared_scales() -> None:
@@ -167,18 +167,21 @@ def test_noise_that_is_greater_than_declared_scales() -> None:
         yaw_rate=on.yaw_rate + noise[0],
         lateral_acceleration=on.lateral_acceleration + noise[1],
     )
-    found = mismatch(dataclasses.replace(problem, recording=noisy), filtered(
+    scale, _ = mismatch(dataclasses.replace(problem, recording=noisy), filtered(
         dataclasses.replace(problem, recording=noisy)))  # fmt: skip
     # Innovations contain the noise of the sample and the filter's error.
-    assert 50 < np.median(found.scale) < 130
+    assert 50 < np.median(scale) < 130
 
 
 def test_widened_is_never_less() -> None:
-    own = np.array([0.0, 0.01, 0.1])
-    wide = Mismatch(np.array([1.0, 4.0, 1.0]), np.array([0.02, 0.0, 0.0])).widen(own)
-    np.testing.assert_allclose(wide, [0.02, 0.02, 0.1])
-    found = mismatch(drawn(0), filtered(drawn(0)))
-    assert (found.scale >= 1).all() and (found.error >= 0).all()
+    problem = drawn(0)
+    found = filtered(problem)
+    scale, error = mismatch(problem, found)
+    assert (scale >= 1).all() and (error >= 0).all()
+    variance = found.filtered_covariance[:, 0, 0]
+    wide = claim(problem, found, found.filtered[:, 0], variance).deviation
+    assert (wide >= np.sqrt(variance)).all()
+    np.testing.assert_allclose(wide**2, scale * variance + error**2)
 
 
 def test_fading_is_an_exponential_sum() -> None:

@@ -207,7 +207,7 @@ def test_claims_hold_in_situations_that_differ_from_the_training_drives(name):
 
 
 def test_the_claim_of_the_tyre_curve_contains_a_filter_that_has_lost_the_angle():
-    """A spike at the first sample drives tyres with a peak to 90°, from which the filter does not return."""
+    """A spike at the first sample drives tyres with a peak to 90°. The filter does not return."""
     problem = model("serpentine")
     side = problem.recording.lateral_acceleration.copy()
     side[0] = 1000.0
