@@ -23,8 +23,8 @@ from ..contract.backend import Request
 from ..contract.option import Option
 from .exponents import REFERENCE_STATES, Fit
 from .native import EMBEDDING, AttractorBackend, Embedding, Finding, Poll, embed, poll_of
-from .neighbour_kernels import count_pairs, order_states
-from .partings import BLOCKS, MOST
+from .neighbour_kernels import count_pairs
+from .partings import BLOCKS, MOST, PILOT, Neighbours
 from .regions import (
     DIMENSION_ERROR,
     REFERENCES,
@@ -44,9 +44,8 @@ Ints = NDArray[np.int64]
 
 #: Smallest number of reference states, if not all states are references.
 SOME = 300
-#: Pairs that a count may visit, which limits the references, and number of states used to estimate
-#: the pairs per state.
-WORK, PILOT = 15_000_000, 50
+#: Pairs that a count may visit, which limits the references.
+WORK = 15_000_000
 #: Number of radii of the curve that determines the region.
 FINE = 64
 #: Random pairs of states for the range of the radii, and the share of pairs within the largest radius.
@@ -99,25 +98,19 @@ def correlation_counts(
     States are in the order of time, and pairs at most `theiler` samples apart are excluded. Up to 1500
     states, all are references, otherwise at most `references`. `poll` is called between blocks of time.
     """
-    count = len(states)
-    ordered, times, places = order_states(states)
+    pool = Neighbours(states, theiler, len(states))
 
     def part(some: Ints) -> tuple[Ints, int]:
-        shells, visits = count_pairs(ordered, times, places[some], theiler, radii)
+        shells, visits = count_pairs(pool.ordered, pool.times, pool.places[some], theiler, radii)
         return np.cumsum(shells), visits
 
-    reference_states = np.arange(count)
-    if count > ALL and references < count:
-        visits = part(np.linspace(0, count - 1, PILOT).astype(np.int64))[1]
-        sample_size = min(max(WORK * PILOT // max(visits, 1), SOME), references, count)
-        reference_states = np.sort(
-            np.random.default_rng(0).choice(count, sample_size, replace=False)
-        )
-    blocks = []
-    for some in np.array_split(reference_states, min(BLOCKS, len(reference_states))):
+    if len(states) > max(ALL, references):
+        references = min(max(WORK * PILOT // max(part(pool.pilot)[1], 1), SOME), references)
+    rows, blocks = pool.references(references), []
+    for some in np.array_split(rows, min(BLOCKS, len(rows))):
         poll()
         blocks.append(part(some)[0])
-    return Counts(radii, np.array(blocks), len(reference_states))
+    return Counts(radii, np.array(blocks), len(rows))
 
 
 def drawn_radii(
