@@ -133,6 +133,12 @@ def test_a_strange_motion_without_chaos_is_undecided(n):
     assert found is Judgement.NONLINEAR and "but" in answer.message
 
 
+@pytest.mark.slow
+def test_a_short_series_of_a_double_pendulum_is_undecided():
+    found, answer = judgement(double_pendulum(2000))
+    assert found is Judgement.NONLINEAR and "do not predict clearly better" in answer.message
+
+
 @pytest.mark.parametrize(
     ("series", "wanted"),
     [

@@ -1,8 +1,8 @@
-"""Coverage of stated deviations and false verdicts of the attractor estimates, for the problem's page.
+"""Coverage of stated deviations of the attractor estimates, for the problem's page.
 
-``python tests/benchmarks/attractor/coverage.py`` writes the tables ``coverage``, ``coverage-systems``, ``coverage-nulls`` and
-``coverage-noise`` of ``docs/measured/attractor.json``; ``slopes``, ``judgements`` and ``noise`` as arguments select parts. A truth
-is covered if it lies within two stated deviations.
+``python tests/benchmarks/attractor/coverage.py`` writes the tables ``coverage``, ``coverage-systems`` and ``coverage-noise`` of
+``docs/measured/attractor.json``; ``slopes`` and ``noise`` as arguments select parts. A truth is covered if it lies within two
+stated deviations. Verdicts are measured by ``verdicts.py``.
 """
 
 from __future__ import annotations
@@ -20,19 +20,16 @@ from benchmarks.attractor.known_systems import (  # noqa: E402
     CALIBRATION,
     HELD_OUT,
     SYSTEMS,
-    null_series,
     series_of,
 )
 from benchmarks.attractor.verdicts import disturbed  # noqa: E402
 from benchmarks.measured import write  # noqa: E402
 
 from crosstrack.models import AttractorAnalysis  # noqa: E402
-from crosstrack.models.attractor import Judgement, Slope  # noqa: E402
+from crosstrack.models.attractor import Slope  # noqa: E402
 from crosstrack.solvers import Request, find_backend  # noqa: E402
 
 SIZES, STARTS = (1_000, 3_000, 20_000), 2
-#: Lengths of the ten sets of null series.
-NULLS = (1_000, 3_000) * 4 + (2_000, 20_000)
 EXPONENT, DIMENSION = "rosenstein", "correlation-dimension"
 WITHIN = 2.0
 #: Noise as a share of the deviation, and lengths of the series with noise.
@@ -130,36 +127,6 @@ def summarise(found: dict[tuple[str, str, int], list[Slope | None]]) -> None:
     )  # fmt: skip
 
 
-def judge_all() -> None:
-    """Write the verdicts on systems and on series without chaos."""
-    rows: dict[str, list[int]] = {}
-
-    def enter(kind: str, series: np.ndarray, period: float = 1.0) -> None:
-        judgement = estimate("surrogates", series, period).surrogates.judgement
-        row = rows.setdefault(kind, [0] * (1 + len(Judgement)))
-        row[0] += 1
-        row[1 + list(Judgement).index(judgement)] += 1
-        print(kind, len(series), judgement, flush=True)
-
-    for seed, count in enumerate(NULLS):
-        for kind, series in null_series(count, seed):
-            enter(kind, series)
-    nulls = np.sum(list(rows.values()), axis=0)
-    rows["all without chaos"] = nulls.tolist()
-    for count in SIZES:
-        for name in SYSTEMS:
-            series = series_of(name, count)
-            enter(f"chaotic systems, {count:,} samples", series, float(SYSTEMS[name].period))
-    columns = {"series": "", "number": "d", **{str(one): "d" for one in Judgement}}
-    write(
-        "attractor", "coverage-nulls", __file__, columns,
-        [[kind, *row] for kind, row in rows.items()], ("numpy",),
-        f"Verdicts of 'surrogates'. Series without chaos have {min(NULLS):,} to {max(NULLS):,} samples.",
-    )  # fmt: skip
-    for kind, row in rows.items():
-        print(kind, *row, sep=" | ")
-
-
 def cover_noise() -> None:
     """Write the coverage of exponents and dimensions of series with noise."""
     rows = []
@@ -194,7 +161,7 @@ def cover_noise() -> None:
     )  # fmt: skip
 
 
-PARTS = {"slopes": lambda: summarise(measure()), "judgements": judge_all, "noise": cover_noise}
+PARTS = {"slopes": lambda: summarise(measure()), "noise": cover_noise}
 
 if __name__ == "__main__":
     for part in sys.argv[1:] or PARTS:
