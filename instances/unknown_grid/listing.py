@@ -7,17 +7,19 @@ from functools import partial
 from typing import Any
 
 from ...models.unknown_grid.model import UnknownGridNavigation
+from ...models.unknown_grid.scenes import TASKS
 from ..catalogue import CatalogueEntry, Provenance, Row, listed
 from .laws import SceneLaw, draw_scenes
-from .settings import OBSTACLES, STEPS, TASKS
 from .wild import clutter, enclosed, maze, spiral
 
-__all__ = ["PAPER", "SCENES", "catalogue_entries"]
+__all__ = ["OBSTACLES", "PAPER", "SCENES", "STEPS", "catalogue_entries"]
 
 PAPER = (
     "Motion Planning for Heterogeneous Unmanned Systems under Partial Observation from UAV, IROS 2020, "
     "doi 10.1109/IROS45743.2020.9341326"
 )
+#: Numbers of obstacles per scene, one per column of Table VI, and maximum number of actions per run.
+OBSTACLES, STEPS = (2, 3, 4, 5), 40
 #: Scenes per task, for intervals of about 2 points (the paper has 100), and per other random entry.
 SCENES, FEW = 400, 20
 
@@ -57,14 +59,13 @@ def _tasks() -> list[Row]:
     return [
         Row(
             f"task-{number}-{obstacles}",
-            f"task {number}: {task.side} × {task.side} cells, view {task.view} × {task.view}, {obstacles} walls",
+            "task {}: {} × {} cells, view {} × {}, {} walls".format(number, *shape, *view, obstacles),
             partial(
-                draw_scenes, shape=(task.side,) * 2, obstacles=obstacles, scenes=SCENES,
-                view=(task.view,) * 2, steps=STEPS,
+                draw_scenes, shape=shape, obstacles=obstacles, scenes=SCENES, view=view, steps=STEPS
             ),
             _LAW,
         )
-        for number, task in TASKS.items()
+        for number, (shape, view) in enumerate(TASKS, 1)
         for obstacles in OBSTACLES
     ]  # fmt: skip
 

@@ -160,8 +160,8 @@ PAPER = Paper(
                   "target comes into the view: no target is ever reached (option literal). With CurrentPos the vehicle's "
                   "cell and the last stage of Table III it goes back and forth in a pocket, the motion of Figure 7(c)."),
         printed("Table V", "sizes of maps and views of the three tasks",
-                "instances.unknown_grid.settings:Task"),
-        printed("Section IV.C, observation ratio", "0.65, 0.53 and 0.6", "instances.unknown_grid.settings:Task.ratio"),
+                "models.unknown_grid.scenes:Task"),
+        printed("Section IV.C, observation ratio", "0.65, 0.53 and 0.6", "models.unknown_grid.scenes:Task.ratio"),
         printed("Section IV.C, scenes", "obstacles of different sizes, start and target at random, solvable",
                 "instances.unknown_grid.laws:draw_scenes",
                 "Law paper. Sizes are not printed: each side has from one cell to a third of the map's. The laws of "

@@ -10,10 +10,11 @@ import numpy as np
 
 from ...models.unknown_grid.camera import Camera
 from ...models.unknown_grid.model import UnknownGridNavigation
+from ...models.unknown_grid.scenes import TASKS
 from ..paper import Run, Trials
 from .laws import SceneArrays, draw_scenes
+from .listing import OBSTACLES, STEPS
 from .paper import POLICIES
-from .settings import OBSTACLES, STEPS, TASKS
 
 __all__ = ["figure_8", "policies", "table_6", "times"]
 
@@ -24,17 +25,15 @@ _BLOCK = 100
 @cache
 def _scenes(task: int, blocks: int) -> UnknownGridNavigation:
     """Return the scenes of a task: `blocks` times 100 for each number of obstacles in turn."""
-    side, view = TASKS[task]
+    shape, view = TASKS[task - 1]
     parts = [
-        draw_scenes(
-            "paper", shape=(side, side), obstacles=number, scenes=blocks * _BLOCK, seed=task
-        )
+        draw_scenes("paper", shape=shape, obstacles=number, scenes=blocks * _BLOCK, seed=task)
         for number in OBSTACLES
     ]
     arrays = (
         np.concatenate([getattr(part, name) for part in parts]) for name in SceneArrays._fields
     )
-    return SceneArrays(*arrays).pose(view=(view, view), steps=STEPS, name=f"task {task}")
+    return SceneArrays(*arrays).pose(view=view, steps=STEPS, name=f"task {task}")
 
 
 def _successes(run: Run) -> Any:
@@ -68,10 +67,10 @@ def figure_8(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
 
 def times(row: tuple[str, ...], trials: Trials) -> Mapping[str, Any]:
     """Return the seconds per image or per command of a single vehicle."""
-    side, view = TASKS[1]
+    shape, view = TASKS[0]
     camera = Camera() if row[0].startswith("GMGN") else None
     model = draw_scenes(
-        "paper", shape=(side, side), obstacles=3, scenes=1, seed=2, view=(view, view), camera=camera
+        "paper", shape=shape, obstacles=3, scenes=1, seed=2, view=view, camera=camera
     )
     backend = "mcgn" if camera is None else "d-star-lite"
     options = {} if camera is None else {"perception": "gmgn"}

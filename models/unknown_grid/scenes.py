@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,28 @@ from .camera import Camera
 from .plan import LETTERS
 
 __all__ = [
-    "MOST", "Aspect", "Corners", "Hover", "Scenes", "actions_of", "aspects_of", "check_aspects",
+    "MOST", "TASKS", "Aspect", "Corners", "Hover", "Scenes", "Task", "actions_of", "aspects_of", "check_aspects",
 ]  # fmt: skip
 
 #: Maximum number of cells of all maps together, of steps of all moving obstacles together, and of rows and columns
 #: of a view with occlusion.
 MOST, MOST_WALKED, MOST_SIGHT = 2**26, 10**6, 255
+
+
+class Task(NamedTuple):
+    """Task of Table V: rows and columns of the maps (global scale) and of the UAV's view (observation range)."""
+
+    shape: tuple[int, int]
+    view: tuple[int, int]
+
+    @property
+    def ratio(self) -> float:
+        """Observation ratio: side of the view divided by side of the map."""
+        return self.view[0] / self.shape[0]
+
+
+#: Tasks of the paper, the first one first.
+TASKS = (Task((17, 17), (11, 11)), Task((17, 17), (9, 9)), Task((15, 15), (9, 9)))
 
 
 class Hover(StrEnum):

@@ -14,16 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InvalidData, show
+from ...models.unknown_grid.scenes import TASKS, Task
 from ..contract.option import Option
 from ..learning.gradient import GradientTrainer, GraphReplay, epoch_generator
 from ..learning.trainer import Course
 from ..learning.weights import Weights
 from .imitation import (
-    TASKS,
     Lengths,
     Recurrence,
     Scenes,
-    Task,
     best_actions,
     choose_actions,
     draw_scenes,

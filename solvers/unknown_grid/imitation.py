@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import InvalidData
 from ...models.unknown_grid.model import UnknownGridNavigation
+from ...models.unknown_grid.moving import FAR, Grid, spread
 from ...models.unknown_grid.plan import STEPS
 from ...models.unknown_grid.scenes import Hover
 from ...models.unknown_grid.world import GOING, LOOK, Looks, World
@@ -19,11 +20,9 @@ if TYPE_CHECKING:
     import torch
 
 __all__ = [
-    "TASKS",
     "Examples",
     "Recurrence",
     "Scenes",
-    "Task",
     "best_actions",
     "choose_actions",
     "draw_scenes",
@@ -34,22 +33,9 @@ __all__ = [
 
 Ints = NDArray[np.int64]
 Truths = NDArray[np.bool_]
-Lengths = NDArray[np.int32]
+Lengths = NDArray[np.int64]
 
 _MOVES = np.array(STEPS)
-#: Number of steps of a cell without a path.
-NEVER = 2**30
-
-
-class Task(NamedTuple):
-    """Task of the paper: numbers of rows and columns of the maps and of the views."""
-
-    shape: tuple[int, int]
-    view: tuple[int, int]
-
-
-#: Tasks of the paper.
-TASKS = (Task((17, 17), (11, 11)), Task((17, 17), (9, 9)), Task((15, 15), (9, 9)))
 
 
 class Scenes(NamedTuple):
@@ -92,22 +78,15 @@ def draw_scenes(
 def shortest_ways(blocked: Truths, targets: Ints) -> Lengths:
     """Return the fewest steps to the target from every cell, shape (n, rows, columns).
 
-    The entries of cells without a path are :data:`NEVER`. A breadth-first search treats all maps at
-    once, with one sweep over all cells per step.
+    The entries of cells without a path are :data:`~crosstrack.models.unknown_grid.moving.FAR`.
     """
-    count, rows, columns = blocked.shape
-    steps = np.full((count, rows + 2, columns + 2), NEVER, np.int32)
-    inner = steps[:, 1:-1, 1:-1]
-    inner[np.arange(count), targets[:, 0], targets[:, 1]] = 0
-    while True:
-        nearest = np.minimum(steps[:, :-2, 1:-1], steps[:, 2:, 1:-1])
-        np.minimum(nearest, steps[:, 1:-1, :-2], out=nearest)
-        np.minimum(nearest, steps[:, 1:-1, 2:], out=nearest)
-        nearest += 1
-        nearest[blocked] = NEVER
-        if not (nearest < inner).any():
-            return inner.copy()
-        np.minimum(inner, nearest, out=inner)
+    walls = np.pad(blocked, ((0, 0), (1, 1), (1, 1)), constant_values=True).astype(np.uint8)
+    width, goals = walls.shape[2], targets + 1
+    ways = [
+        spread(Grid(cells.reshape(-1), width, _MOVES @ [width, 1], 0), goal @ [[width], [1]])
+        for cells, goal in zip(walls, goals, strict=True)
+    ]
+    return np.reshape(ways, walls.shape)[:, 1:-1, 1:-1]
 
 
 def best_actions(ways: Lengths, positions: Ints) -> Truths:
@@ -121,9 +100,9 @@ def best_actions(ways: Lengths, positions: Ints) -> Truths:
     inside = ((cells >= 0) & (cells < (rows, columns))).all(axis=2)
     cells = np.where(inside[..., None], cells, 0)
     scenes = np.arange(len(ways))
-    after = np.where(inside, ways[scenes[:, None], cells[..., 0], cells[..., 1]], NEVER)
+    after = np.where(inside, ways[scenes[:, None], cells[..., 0], cells[..., 1]], FAR)
     here = ways[scenes, positions[:, 0], positions[:, 1]]
-    best: Truths = (after < here[:, None]) & (here[:, None] < NEVER)
+    best: Truths = (after < here[:, None]) & (here[:, None] < FAR)
     return best
 
 

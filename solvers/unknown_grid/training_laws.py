@@ -19,8 +19,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from ...models.unknown_grid.model import UnknownGridNavigation
+from ...models.unknown_grid.scenes import TASKS
 from ...models.unknown_grid.world import BLOCKED, UNKNOWN
-from .imitation import TASKS
 
 __all__ = ["MEASURED", "openness", "outside_law", "statement", "wall_lengths"]
 

@@ -229,7 +229,7 @@ EXCEPTIONS = {
         "the filter of spins has 400 lines, estimation in the loop 480, identification 300, tyre laws and the tyre curve 250",
     ),
     "unknown_grid": (
-        7515,
+        7480,
         (
             "six trained networks with training on a GPU have 1,830 lines, the camera 500; neighbours, occlusion, noise, "
             "moving obstacles and exploration 950, vector environments and batches 450"

@@ -20,7 +20,7 @@ from crosstrack.instances.unknown_grid import (
     training_generator,
 )
 from crosstrack.instances.unknown_grid.paper import PAPER
-from crosstrack.instances.unknown_grid.settings import TASKS as settings_of_tasks
+from crosstrack.models.unknown_grid import scenes as tasks
 from crosstrack.solvers.unknown_grid.baselines import BaselineOne, BaselineTwo
 from crosstrack.solvers.unknown_grid.replanning import DStarLite
 
@@ -231,7 +231,7 @@ def test_the_papers_figures():
     means = {name: np.mean([rows[task, name] for task in "123"]) for name in ("MACN", "MCGN")}
     assert round(means["MCGN"] - means["MACN"]) == 14
     # The paper has 0.65, 0.53 and 0.6.
-    assert [round(task.ratio, 2) for task in settings_of_tasks.values()] == [0.65, 0.53, 0.6]
+    assert [round(task.ratio, 2) for task in tasks.TASKS] == [0.65, 0.53, 0.6]
 
 
 def test_the_papers_tasks():

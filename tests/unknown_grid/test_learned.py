@@ -22,7 +22,7 @@ from crosstrack.solvers.learning.weights import Weights, read_weights, write_wei
 from crosstrack.solvers.unknown_grid import small_vin
 from crosstrack.solvers.unknown_grid.episodes import ImitationTrainer
 from crosstrack.solvers.unknown_grid.imitation import (
-    NEVER,
+    FAR,
     Recurrence,
     Scenes,
     best_actions,
@@ -124,14 +124,14 @@ def test_a_step_that_was_stopped_leaves_an_obstacle_in_memory():
 def test_ways_are_as_long_as_those_of_the_map_and_the_expert_takes_one(model):
     ways = shortest_ways(model.blocked, model.targets)
     here = ways[np.arange(3), *model.starts.T]
-    assert (np.where(here < NEVER, here, np.inf) == model.fewest_steps()).all()
+    assert (np.where(here < FAR, here, np.inf) == model.fewest_steps()).all()
 
     def choose(seen, rows):
         return first_of(best_actions(ways[rows], seen.positions))
 
     world = walk_through(scenes_of(model), (3, 3), choose, steps=60)
     reached = (world.positions == model.targets).all(axis=1)
-    assert (reached == (here < NEVER)).all()
+    assert (reached == (here < FAR)).all()
     assert (world.taken == here)[reached].all()
     assert not world.collisions[reached].any()
 

@@ -12,6 +12,7 @@ from unknown_grid.scenes import WILD, drawn, first_look, run  # noqa: E402
 
 from crosstrack.errors import CrosstrackError, InvalidData  # noqa: E402
 from crosstrack.instances.unknown_grid import draw_scene_arrays, draw_scenes  # noqa: E402
+from crosstrack.models.unknown_grid.scenes import Task  # noqa: E402
 from crosstrack.solvers.learning.gradient import arrays_of  # noqa: E402
 from crosstrack.solvers.learning.trainer import Course, one_thread  # noqa: E402
 from crosstrack.solvers.learning.training import find_training  # noqa: E402
@@ -30,7 +31,7 @@ from crosstrack.solvers.unknown_grid.episodes import (  # noqa: E402
     ImitationTrainer,
     lead,
 )
-from crosstrack.solvers.unknown_grid.imitation import Scenes, Task  # noqa: E402
+from crosstrack.solvers.unknown_grid.imitation import Scenes  # noqa: E402
 from crosstrack.solvers.unknown_grid.learned import Macn, Mcgn  # noqa: E402
 from crosstrack.solvers.unknown_grid.networks import shipped_weights  # noqa: E402
 from crosstrack.solvers.unknown_grid.value_iteration import build_planner  # noqa: E402

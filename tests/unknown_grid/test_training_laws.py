@@ -9,10 +9,11 @@ from unknown_grid.scenes import drawn, run, watch
 
 from crosstrack.instances.unknown_grid import clutter, draw_scene_arrays, draw_scenes, maze
 from crosstrack.models.unknown_grid.model import UnknownGridNavigation
+from crosstrack.models.unknown_grid.scenes import TASKS
 from crosstrack.solvers.contract.registry import find_backend
 from crosstrack.solvers.learning.weights import Weights, read_weights, write_weights
 from crosstrack.solvers.unknown_grid import imitation
-from crosstrack.solvers.unknown_grid.imitation import TASKS, best_actions, first_of, shortest_ways
+from crosstrack.solvers.unknown_grid.imitation import best_actions, first_of, shortest_ways
 from crosstrack.solvers.unknown_grid.networks import shipped_weights
 from crosstrack.solvers.unknown_grid.training_laws import (
     MEASURED,

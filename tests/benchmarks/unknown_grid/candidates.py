@@ -17,8 +17,8 @@ sys.path[:0] = [str(Path(__file__).resolve().parents[2])]
 from benchmarks.unknown_grid.laws import scenes_of  # noqa: E402
 
 from crosstrack.models.unknown_grid import World  # noqa: E402
+from crosstrack.models.unknown_grid.scenes import TASKS  # noqa: E402
 from crosstrack.solvers import Control, Request, find_backend  # noqa: E402
-from crosstrack.solvers.unknown_grid.imitation import TASKS  # noqa: E402
 
 SCENES, SEED = 200, 93
 

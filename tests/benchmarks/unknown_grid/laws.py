@@ -3,9 +3,10 @@
 ``python tests/benchmarks/unknown_grid/laws.py limits`` calibrates the limits of openness and of walls per law on scenes of
 their own seed, and ``… laws.py detection`` measures them on other seeds. ``… laws.py success`` measures each network with
 the shipped weights, or one network named instead of ``success``. ``… laws.py rates`` copies the rates that messages give,
-and ``… laws.py small`` compares the small network with the planner on all laws. ``limits`` and ``rates`` write
-``solvers/unknown_grid/laws.json``, ``detection``, ``success`` and ``small`` the tables ``outside-law``, ``laws`` and
-``small-network`` of ``docs/measured/unknown-grid.json``.
+``… laws.py small`` compares the small network with the planner on all laws, and ``… laws.py walks`` measures the scenes that
+networks report outside their law. ``limits`` and ``rates`` write ``solvers/unknown_grid/laws.json``, ``detection``,
+``success``, ``small`` and ``walks`` the tables ``outside-law``, ``laws``, ``small-network`` and ``outside-walks`` of
+``docs/measured/unknown-grid.json``.
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ from benchmarks.measured import ROOT, write  # noqa: E402
 from crosstrack.instances.unknown_grid import draw_scenes, maze  # noqa: E402
 from crosstrack.instances.unknown_grid.laws import SceneArrays, SceneLaw  # noqa: E402
 from crosstrack.models.unknown_grid import World  # noqa: E402
+from crosstrack.models.unknown_grid.scenes import TASKS  # noqa: E402
 from crosstrack.solvers import Control, Request  # noqa: E402
 from crosstrack.solvers.contract.registry import find_backend  # noqa: E402
 from crosstrack.solvers.unknown_grid.imitation import (  # noqa: E402
-    TASKS,
     Scenes,
     best_actions,
     first_of,
@@ -44,8 +45,8 @@ from crosstrack.solvers.unknown_grid.training_laws import (  # noqa: E402
 #: Shares of the training scenes below the limit of openness and with a wall above the limit, and scenes per task of the
 #: calibration.
 SHARE, WALLED, CALIBRATED = 0.02, 0.01, 600
-#: Scenes per row of a table, and the seeds of calibration and measurement.
-SCENES, SEEDS = 600, {"limits": 90, "success": 91, "small": 92, "detection": 93}
+#: Scenes per row of a table and of that of the networks' walks, and the seeds of calibration and measurement.
+SCENES, WALKED, SEEDS = 600, 150, {"limits": 90, "success": 91, "small": 92, "detection": 93}
 LAWS = [*map(str, SceneLaw), "mazes"]
 POLICIES = {"small-vin": "small-vin", "vin": "vin", "macn": "macn", "mcgn": "mcgn-1"}
 
@@ -63,12 +64,12 @@ def scenes_of(law, shape, view, count, seed, steps=40):
 
 
 def solve(name, model):
-    """Return the success of a policy per scene, percent, in this process."""
+    """Return the success of a policy per scene, percent, and its number of scenes outside the law, in this process."""
     backend = find_backend(name)
     options = backend.checked_options({})
     answer = backend.run(model, Request(options=options, control=Control(oracle=World(model))))
     reached = np.array([str(one) == "reached" for one in answer.point.outcomes])
-    return 100.0 * reached
+    return 100.0 * reached, answer.statistics.get("scenes outside the law", 0)
 
 
 def see(model):
@@ -148,8 +149,8 @@ def success(names=()):
         for place, models in places(law):
             reached, planner = [], []
             for model in models:
-                reached.append(solve(name, model))
-                planner.append(solve("d-star-lite", model))
+                reached.append(solve(name, model)[0])
+                planner.append(solve("d-star-lite", model)[0])
             rate, best = (float(np.concatenate(one).mean()) for one in (reached, planner))
             rows.append([name, law, place, rate, best])
             print(rows[-1], flush=True)
@@ -159,11 +160,29 @@ def success(names=()):
     write("unknown-grid", "laws", __file__, heads, rows, ("torch",), said, merge=True, keys=3)
 
 
+def walks():
+    """Measure the shares of scenes that results report outside the law, by the cells that the networks have seen."""
+    rows, third = [], WALKED // len(TASKS)
+    for name in LAWS:
+        models = [
+            scenes_of(name, task.shape, task.view, third, SEEDS["detection"]) for task in TASKS
+        ]
+        counts = [sum(solve(policy, model)[1] for model in models) for policy in POLICIES]
+        rows.append([name, *(100.0 * count / WALKED for count in counts)])
+        print(rows[-1], flush=True)
+    said = (
+        f"{WALKED} scenes per row with 2 to 5 obstacles, tasks of the paper. Share of the scenes that the result reports "
+        "outside the law of the training, by the cells that the network itself has seen in 40 steps."
+    )
+    heads = {"scenes": "", **{f"{policy}, %": ".1f" for policy in POLICIES}}
+    write("unknown-grid", "outside-walks", __file__, heads, rows, ("torch",), said)
+
+
 def rates():
     """Copy the success rates that messages give from the table to the file of the package."""
     tables = json.loads((ROOT / "docs" / "measured" / "unknown-grid.json").read_text("utf-8"))
     found = {}
-    for name, law, place, rate, _ in tables["laws"]["rows"]:
+    for name, law, place, rate, *_ in tables["laws"]["rows"]:
         reasons = {"walls": "walls", law: "inside", "mazes": "maps"}
         reasons |= {f"{law}, view 5 × 5": "view", f"{law}, map 11 × 11": "shape"}
         if reason := reasons.get(place):
@@ -178,7 +197,7 @@ def small():
     for law in LAWS:
         for view in ((9, 9), (5, 5)):
             model = scenes_of(law, (17, 17), view, SCENES, SEEDS["small"])
-            ours, planner = (solve(name, model) for name in ("small-vin", "d-star-lite"))
+            ours, planner = (solve(name, model)[0] for name in ("small-vin", "d-star-lite"))
             away = ours - planner
             half = 1.96 * away.std() / np.sqrt(len(away))
             size = f"{view[0]} × {view[1]}"
@@ -204,4 +223,5 @@ if __name__ == "__main__":
                 "rates": rates,
                 "small": small,
                 "detection": detection,
+                "walks": walks,
             }[part]()
