@@ -49,13 +49,11 @@ def write_routes_csv(plan: FleetPlan, path: str | os.PathLike[str], *, model: Fl
     """
     rows = []
     for k, stops in _walks(plan, model):
-        arrival = 0.0
+        arrivals = np.append(0.0, np.cumsum(model.distances[stops[:-1], stops[1:]])).tolist()
         for stop, node in enumerate(stops):
-            if stop:
-                arrival += float(model.distances[stops[stop - 1], node])
             place = ("", "") if model.points is None else model.points[node].tolist()
             time = () if plan.starts is None else (plan.starts[k][stop],)
-            rows.append((k, stop, model.label(node), *place, arrival, *time))
+            rows.append((k, stop, model.label(node), *place, arrivals[stop], *time))
     columns = ("vehicle", "stop", "node", "x", "y", "arrival")
     return write_rows(path, (*columns, "time") if plan.starts is not None else columns, rows)
 

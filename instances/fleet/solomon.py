@@ -64,9 +64,8 @@ def read_solomon(path: str | os.PathLike[str], **fields: Any) -> FleetRouting:
             field="line",
         )
     rows = []
-    for line, row in enumerate(
-        text[head.end() :].splitlines(), text.count("\n", 0, head.end()) + 1
-    ):
+    start = text.count("\n", 0, head.end()) + 1
+    for line, row in enumerate(text[head.end() :].splitlines(), start):
         words = row.split()
         if words:
             place = f"{file}, line {line}"

@@ -119,11 +119,8 @@ def value_of(model: RichData, plan: FleetPlan) -> float | None:
     if model.objective is Objective.MAKESPAN:
         return makespan_of(plan)
     loads = loads_of(model, plan)
-    return (
-        cost_of(model, plan, loads)
-        if model.objective is Objective.COST
-        else objective_of(model, loads)
-    )
+    is_cost = model.objective is Objective.COST
+    return cost_of(model, plan, loads) if is_cost else objective_of(model, loads)
 
 
 def verify_routes(model: RichData, plan: FleetPlan, tolerance: float) -> Verification:

@@ -175,10 +175,10 @@ class FleetRouting(RichData):
     @property
     def preferred_formulation(self) -> str:
         """Name "two-index" if it covers the model, as it has far fewer columns, else "three-index"."""
-        plain = (
-            self.objective is Objective.SUM and not self.is_rich and set(self.limits) <= {"budget"}
+        plain = self.objective is Objective.SUM and not self.is_rich
+        covered = (
+            plain and set(self.limits) <= {"budget"} and self.depots.size == 1 and self.symmetric
         )
-        covered = plain and self.depots.size == 1 and self.symmetric
         return "two-index" if covered else self.default_formulation
 
     @property

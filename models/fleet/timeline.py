@@ -41,15 +41,11 @@ def draw_timeline(
     late: list[tuple[float, float]] = []
     for kind, height in _HEIGHTS.items():
         rows = [span for span in spans if span.kind == kind]
-        boxes = [
-            [
-                (x, span.level + 0.5 * height * side)
-                for x, side in zip(
-                    (span.begin, span.end, span.end, span.begin), (-1, -1, 1, 1), strict=True
-                )
-            ]
-            for span in (row._replace(begin=max(row.begin, low), end=min(row.end, high)) for row in rows)
-        ]  # fmt: skip
+        boxes = []
+        for span in rows:
+            begin, end = max(span.begin, low), min(span.end, high)
+            bottom, top = span.level - 0.5 * height, span.level + 0.5 * height
+            boxes.append([(begin, bottom), (end, bottom), (end, top), (begin, top)])
         colours = [kit.colour_of(span.vehicle) for span in rows]
         bars = PolyCollection(
             boxes, facecolors="none" if kind == "wait" else colours, edgecolors=colours, linewidths=0.9,

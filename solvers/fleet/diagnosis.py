@@ -148,13 +148,10 @@ def _unserved(model: FleetRouting) -> Iterator[Finding]:
         for k in range(model.vehicles):
             routes = [[node] if k == vehicle else [] for vehicle in range(model.vehicles)]
             checks = model.verify(model.with_schedule(routes)).violated
-            broken.append(
-                [
-                    check
-                    for check in checks
-                    if check.name in FIXED or not (has_detours or check.name in unproven)
-                ]
+            proven = (
+                set(FIXED) if has_detours else {check.name for check in checks}.difference(unproven)
             )
+            broken.append([check for check in checks if check.name in proven])
             if not broken[-1]:
                 break
         else:

@@ -67,16 +67,12 @@ class Posed:
         result: list[list[int]] = [[] for _ in routes]
         for places, route in zip(result, routes, strict=True):
             for node in route:
-                copies = (
-                    [self.at[node]]
-                    if node in self.at
-                    else [j for j in free if self.places[j] == node]
-                )
-                if not copies:
+                copy = next((j for j in free if self.places[j] == node), None)
+                place = self.at.get(node, copy)
+                if place is None:
                     return None
-                places.append(copies[0])
-                if node not in self.at:
-                    free.remove(copies[0])
+                places.append(place)
+                free = [j for j in free if j != place]
         return result
 
     def declare(self, routing: Any, manager: Any) -> None:
@@ -85,10 +81,8 @@ class Posed:
         vehicles = range(self.model.vehicles)
         #: Indices of all visits but those of depots, of all starts, and of all ends.
         self.inner = {self.index(j): j for j in range(len(self.places)) if j not in self.depots}
-        self.starts, self.finishes = (
-            list(map(routing.Start, vehicles)),
-            list(map(routing.End, vehicles)),
-        )
+        self.starts = list(map(routing.Start, vehicles))
+        self.finishes = list(map(routing.End, vehicles))
         self._declare_costs()
         self._declare_lengths()
         if self.model.has_times:
@@ -175,9 +169,8 @@ class Posed:
         step = 0
         for speed in model.speeds.tolist():
             if speed not in transits:
-                whole = (
-                    self._spread(round_up(model.base_times / speed, scales.time)) + service[:, None]
-                )
+                whole = self._spread(round_up(model.base_times / speed, scales.time))
+                whole += service[:, None]
                 transits[speed] = routing.RegisterTransitMatrix(whole.tolist())
                 step = max(step, int(whole.max()))
         windows = [whole_spans(model, node, scales) for node in self.places]

@@ -114,26 +114,24 @@ def _solve(best: Best, request: Request, *, used: bool, solution_limit: int | No
     if first == "automatic" and (posed.reloads or posed.stations):
         # The library's choice finds no solution if 8 nodes need 3 reloads.
         first = "parallel_cheapest_insertion"
-    parameters.first_solution_strategy = routing_enums_pb2.FirstSolutionStrategy.Value.Value(
-        first.upper()
-    )
-    parameters.local_search_metaheuristic = (
-        routing_enums_pb2.LocalSearchMetaheuristic.GUIDED_LOCAL_SEARCH
-    )
+    strategies = routing_enums_pb2.FirstSolutionStrategy
+    parameters.first_solution_strategy = strategies.Value.Value(first.upper())
+    searches = routing_enums_pb2.LocalSearchMetaheuristic
+    parameters.local_search_metaheuristic = searches.GUIDED_LOCAL_SEARCH
     remaining = request.left()
     seconds = request.options["seconds"] if remaining is None else remaining + GRACE
     parameters.time_limit.FromMilliseconds(max(1, round(1e3 * min(seconds, 1e9))))
     if solution_limit is not None:
         parameters.solution_limit = solution_limit
-    start = None
     if used:
         for k, first in enumerate(starts):
             routing.NextVar(first).RemoveValue(routing.End(k))
+    start = None
+    routes = None if best.plan is None else posed.places_of(best.plan.routes)
+    if routes is not None:
         routing.CloseModelWithParameters(parameters)
-        routes = None if best.plan is None else posed.places_of(best.plan.routes)
-        if routes is not None:
-            indices = [[manager.NodeToIndex(place) for place in route] for route in routes]
-            start = routing.ReadAssignmentFromRoutes(indices, True)
+        indices = [[manager.NodeToIndex(place) for place in route] for route in routes]
+        start = routing.ReadAssignmentFromRoutes(indices, True)
     if start is None:
         routing.SolveWithParameters(parameters)
     else:

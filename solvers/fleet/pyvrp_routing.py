@@ -11,7 +11,6 @@ import numpy as np
 
 from ...jit import clock
 from ...models.fleet import FleetRouting, Objective
-from ...models.fleet.checks import LIMITS
 from ..contract.backend import Option, Request
 from .pyvrp_data import Found, Posed, Unreachable
 from .rivals import Best, FleetHeuristic
@@ -26,9 +25,6 @@ MOST = 5000
 STEP, LEAST = 0.1, 1e-4
 #: Time between two incumbents in a search with a time limit, as a multiple of the time to check one.
 SPACING = 20.0
-
-#: Iterations without improvement of the first search if limits on the lengths are checked afterwards.
-BRIEF = 50
 
 
 class PyVrpRouting(FleetHeuristic):
@@ -85,10 +81,8 @@ class PyVrpRouting(FleetHeuristic):
         patience, seed = request.options["patience"], request.seed or 0
         counts = {"searches": 1, "iterations": 0}
         # With further limits, or another objective, an earlier plan may be better than the last one.
-        checked = [
-            rule for rule in LIMITS if rule.field != "battery" and rule.field in best.problem.limits
-        ]
-        spacing = SPACING if endless and not limited and not checked else 0.0
+        free = not limited and {*best.problem.limits} <= {"battery", "capacity"}
+        spacing = SPACING if endless and free else 0.0
 
         def look(limit: float, start: Found | None, patience: float, first: bool) -> Found | None:
             """Return feasible routes of length <= `limit`: the first, or the best within `patience`."""
@@ -101,8 +95,6 @@ class PyVrpRouting(FleetHeuristic):
 
         whole = math.inf if endless else 10 * patience
         try:
-            if checked:  # plans beyond a limit are repaired, which needs time after the first plan
-                look(math.inf, None, BRIEF, False)
             found = look(math.inf, None, patience if limited else whole, False)
         except Unreachable:
             best.offer([[]] * best.problem.vehicles)  # feasible if every node is optional
@@ -188,9 +180,7 @@ def _search(
             flush()
         return stopped() or since > patience + 1 or (first and bool(outcome))
 
-    initial = None
-    if start is not None:
-        initial = Solution(data, [Route(data, stops, kind) for kind, stops in start.activities])
+    routes = [Route(data, stops, kind) for kind, stops in start.activities] if start else []
     params = SolveParams(
         IteratedLocalSearchParams(callbacks=Listener()), PenaltyParams(max_penalty=posed.penalty)
     )
@@ -198,7 +188,12 @@ def _search(
         # PyVRP warns if its maximum penalty cannot enforce a limit: the search then fails anyway.
         warnings.simplefilter("ignore", PenaltyBoundWarning)
         result = solve(
-            data, over, seed % 2**31, collect_stats=False, params=params, initial_solution=initial
+            data,
+            over,
+            seed % 2**31,
+            collect_stats=False,
+            params=params,
+            initial_solution=Solution(data, routes) if start else None,
         )
     if result.is_feasible() and not outcome:  # the initial solution was never improved
         newest = result.best

@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ...jit import clock
-from ...models.fleet import FleetPlan, FleetRouting
+from ...models.fleet import FleetPlan, FleetRouting, Objective
 from ...models.fleet.checks import loads_of, objective_of, value_of
 from ...models.fleet.features import list_unsupported
-from ..contract.backend import Answer, Backend, Feature, Guarantee, Request, Termination
-from .limit_repair import RULES, repair
+from ..contract.backend import Answer, Backend, Feature, Guarantee, Limit, Request, Termination
+from .limit_repair import RULES, excess_of, repair
 
 __all__ = ["Best", "FleetBackend", "FleetHeuristic"]
 
@@ -24,6 +24,10 @@ __all__ = ["Best", "FleetBackend", "FleetHeuristic"]
 TRIED = 16
 #: Number of plans beyond limits on the lengths that are repaired, and of moves of each repair.
 REPAIRS, TRIALS = 4, 1500
+#: Fields of costs, which a stage for a first plan omits.
+COSTS = ("fixed_cost", "distance_cost", "time_cost")
+#: Share of the time of each stage that searches for a first plan.
+SHARE = 0.3
 
 
 @dataclass
@@ -47,14 +51,14 @@ class Best:
         checked = model.verify(plan, tolerance=self.request.tolerance)
         if not checked.ok:
             self.broken = next(check.name for check in checked.checks if not check.ok)
-            repaired = None
             is_limit = any(rule.name == self.broken for rule in RULES)
-            if is_limit and self.plan is None and self.repairs < REPAIRS:
-                self.repairs += 1
-                repaired = repair(
-                    model, routes, self.request.tolerance, self.repairs, TRIALS,
-                    lambda: self.request.control.stopped,
-                )  # fmt: skip
+            if not is_limit or self.plan is not None or self.repairs >= REPAIRS:
+                return False
+            self.repairs += 1
+            repaired = repair(
+                model, routes, self.request.tolerance, self.repairs, TRIALS,
+                lambda: self.request.control.stopped,
+            )  # fmt: skip
             return repaired is not None and self.offer(repaired)
         self.plan, self.objective = plan, objective
         self.request.control.incumbent(objective, plan)
@@ -139,6 +143,8 @@ class FleetHeuristic(FleetBackend):
         self.require_support(problem)
         begin = clock()
         best = Best(problem, request)
+        if self.rich:
+            self._find_first_plan(best, request)
         statistics = self.search(best, request)
         has_plan = best.plan is not None
         return Answer(
@@ -150,3 +156,33 @@ class FleetHeuristic(FleetBackend):
             statistics=dict(statistics),
             message="" if has_plan or not best.broken else f"no plan found keeps: {best.broken}",
         )
+
+    def _find_first_plan(self, best: Best, request: Request) -> None:
+        """Offer plans of simpler objectives until one is feasible, for limits that the search does not use.
+
+        Without limits on the lengths and costs, the sum is minimised, and the longest route if the range or the
+        deviation is limited. OR-Tools rarely finds a first plan for the makespan, so it starts in the same way.
+        """
+        problem, whole = best.problem, request.left() or request.options.get("seconds")
+        rules = [rule for rule in RULES if rule.field in problem.limits]
+        measures = ["sum"] * (problem.objective is Objective.MAKESPAN)
+        measures += ["sum" if rule.measure == "sum" else "max" for rule in rules]
+        fields = dict.fromkeys((*(rule.field for rule in rules), *COSTS))
+        prizes = None if problem.prizes is None else 0.0 * problem.prizes
+        for measure in dict.fromkeys(measures):
+            objective = measure if prizes is None else "cost"
+            simple = replace(problem, **fields, objective=objective, prizes=prizes, q=0.0)
+            if best.plan is not None or request.control.stopped or self.refuses(simple):
+                return
+
+            def offer(_: float, plan: FleetPlan) -> None:
+                # The check avoids a repair, which would use the time of the stage.
+                if excess_of(problem, plan.routes) <= 0.0 and best.offer(plan.routes):
+                    control.stop(Limit.TARGET)
+
+            with request.control.stage(SHARE * whole if whole else None, offer) as control:
+                stage = replace(request, control=control, target=None, evaluations=None)
+                short = Best(simple, stage)
+                self.search(short, stage)
+            if best.plan is None and short.plan is not None:
+                best.offer(short.plan.routes)

@@ -152,7 +152,7 @@ def _redistribute(
     before = picked < len(stops)
     rest = np.delete(np.arange(nodes.size), picked)
     fixed = nodes[rest[rest < len(stops)]], nodes[rest[rest >= len(stops)]]
-    bits = _subsets(picked.size)
+    bits = ((np.arange(1 << picked.size)[:, None] >> np.arange(picked.size)) & 1).astype(float)
     sums = bits @ model.demands[nodes[picked]]
     first = model.demands[fixed[0]].sum() + sums
     second = model.demands[fixed[1]].sum() + sums[-1] - sums
@@ -171,10 +171,8 @@ def _redistribute(
     if (pick == before).all():
         return None
     chosen = nodes[picked]
-    return [*fixed[0].tolist(), *chosen[pick].tolist()], [
-        *fixed[1].tolist(),
-        *chosen[~pick].tolist(),
-    ]
+    left, right = np.append(fixed[0], chosen[pick]), np.append(fixed[1], chosen[~pick])
+    return left.tolist(), right.tolist()
 
 
 def _spread(bits: Floats, distances: Floats) -> Floats:
@@ -182,10 +180,6 @@ def _spread(bits: Floats, distances: Floats) -> Floats:
     others = 1.0 - bits
     sums: Floats = ((bits @ distances) * bits + (others @ distances) * others).sum(axis=1)
     return sums
-
-
-def _subsets(size: int) -> Floats:
-    return ((np.arange(1 << size)[:, None] >> np.arange(size)) & 1).astype(float)
 
 
 def _best_fit(model: FleetRouting) -> Routes:
@@ -214,8 +208,7 @@ def _reorder(model: FleetRouting, k: int, stops: list[int]) -> list[int]:
     """Return the stops of vehicle `k` in the order of a nearest-neighbour tour."""
     if len(stops) < 2:
         return stops
-    order: list[int] = _nearest(model, int(model.homes[k]), np.array(stops)).tolist()
-    return order
+    return [int(node) for node in _nearest(model, int(model.homes[k]), np.array(stops))]
 
 
 def _nearest(model: FleetRouting, start: int, nodes: NDArray[np.int64]) -> NDArray[np.int64]:

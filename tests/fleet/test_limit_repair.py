@@ -6,8 +6,10 @@ import pytest
 
 from crosstrack.models import FleetRouting
 from crosstrack.solvers.contract.backend import Request
+from crosstrack.solvers.fleet import rivals
 from crosstrack.solvers.fleet.limit_repair import excess_of, repair
-from crosstrack.solvers.fleet.rivals import REPAIRS, Best
+from crosstrack.solvers.fleet.rivals import REPAIRS, Best, FleetHeuristic
+from crosstrack.solvers.fleet.whole import COMMON
 
 
 def windows_fleet(**limits):
@@ -43,3 +45,33 @@ def test_an_offered_plan_beyond_a_limit_becomes_an_incumbent():
     assert best.offer([[1, 2, 3, 4], []])
     assert model.verify(best.plan).ok
     assert best.repairs == 1
+
+
+class ByObjective(FleetHeuristic):
+    """Heuristic with a fixed plan per objective."""
+
+    name = "by-objective"
+    rich = COMMON | {"makespan"}
+    plans = {"sum": [[1, 2, 3, 4], []], "max": [[1, 2], [3, 4]], "cost": [[], []]}
+
+    def search(self, best, request):
+        best.offer(self.plans.get(str(best.problem.objective), [[1], []]))
+        return {}
+
+
+@pytest.mark.parametrize(
+    ("fields", "routes"),
+    [
+        ({"objective": "max", "budget": 20.5}, [[1, 2, 3, 4], []]),
+        ({"objective": "sum", "range_limit": 1.5}, [[1, 2], [3, 4]]),
+        ({"objective": "makespan"}, [[1, 2, 3, 4], []]),
+        ({"objective": "cost", "range_limit": 1.5, "prizes": [None, 1, 1, 1, 1]}, [[], []]),
+    ],
+)
+def test_a_simpler_objective_provides_the_first_plan(monkeypatch, fields, routes):
+    monkeypatch.setattr(rivals, "REPAIRS", 0)
+    model = dataclasses.replace(windows_fleet(), **fields)
+    answer = ByObjective().run(model, Request())
+    assert answer.point is not None
+    assert [list(route) for route in answer.point.routes] == routes
+    assert model.verify(answer.point).ok
