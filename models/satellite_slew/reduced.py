@@ -81,9 +81,11 @@ class Reduced(Gauss):
     def _to_problem(self, plan: ControlPlan) -> ControlPlan:
         """Return the plan of the reduced problem."""
         part = slew_phase(plan, self.model.gyro_count)
+        # Random starts have attitudes of other lengths than 1.
+        lengths = [np.linalg.norm(table[:, :4], axis=1)[:, None] for table in part.states.values]
         tables = tuple(
-            np.hstack([rodrigues(self.model, _unit(table[:, :4])), table[:, 7:]])
-            for table in part.states.values
+            np.hstack([rodrigues(self.model, table[:, :4] / length), table[:, 7:]])
+            for table, length in zip(part.states.values, lengths, strict=True)
         )
         states = Piecewise(part.states.knots, part.states.nodes, tables)
         phase = self.model.reduced.definition.phases[0]
@@ -141,8 +143,3 @@ class Reduced(Gauss):
             reports = hamiltonian_spread(self.model.lower(), plan)
             result["hamiltonian_spread"] = reports[0].relative
         return result
-
-
-def _unit(attitudes: Floats) -> Floats:
-    """Return the attitudes with length 1, which random starts do not have."""
-    return np.asarray(attitudes / np.linalg.norm(attitudes, axis=1, keepdims=True), float)

@@ -239,7 +239,10 @@ class Stages:
         shared = np.arange(self.root_columns.size, self.root_size)
         root[shared, shared] -= 1.0 / weight[self.shared_rows]
         factor, pivots, failure = dsytrf(root, lower=1)
-        if failure or _negative(factor, pivots) != shared.size:
+        # A block of two rows, with a negative pivot index, has one eigenvalue of each sign.
+        single = pivots >= 0
+        negative = (factor.diagonal()[single] < 0).sum() + (~single).sum() // 2
+        if failure or negative != shared.size:
             raise Singular("the last elimination has the wrong inertia")
         right = np.concatenate([gradient[self.root_columns], residual[self.shared_rows]])
         right[:outer] += tail[:, outer]
@@ -251,10 +254,3 @@ class Stages:
         for group in self.groups:
             begin = group.back(begin, step, duals, weight)
         return step, duals
-
-
-def _negative(factor: Floats, pivots: Whole) -> int:
-    """Return the number of negative eigenvalues from a factorisation by LAPACK's ``dsytrf``."""
-    # A block of two rows, with a negative pivot index, has one eigenvalue of each sign.
-    single = pivots >= 0
-    return int((factor.diagonal()[single] < 0).sum() + (~single).sum() // 2)

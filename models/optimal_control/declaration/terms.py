@@ -357,15 +357,9 @@ def compile_function(
     with contextlib.suppress(RuntimeError):
         # Functions from other sources may have no scalar form.
         result = result.expand()
-    _reject_nan(name, result, ", ".join(results))
+    for k in range(result.n_instructions() if result.is_a("SXFunction") else 0):
+        constant = result.instruction_id(k) == casadi.OP_CONST
+        if constant and math.isnan(result.instruction_constant(k)):
+            words = "an expression holds nan, which is no number"
+            raise InvalidData(f"{', '.join(results)}: {words}", field=name)
     return result
-
-
-def _reject_nan(name: str, function: casadi.Function, what: str) -> None:
-    """Raise if NaN occurs among the scalar operations of `function`."""
-    if not function.is_a("SXFunction"):
-        return
-    for k in range(function.n_instructions()):
-        constant = function.instruction_id(k) == casadi.OP_CONST
-        if constant and math.isnan(function.instruction_constant(k)):
-            raise InvalidData(f"{what}: an expression holds nan, which is no number", field=name)
