@@ -5,12 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from checked import phase_plan
 from transcribed import LINEAR, catalogue, layers, regulator, solved
 
 import crosstrack as ct
 from crosstrack.errors import UnsupportedOption
+from crosstrack.models.optimal_control.plan import ControlPlan
 from crosstrack.models.optimal_control.transcription import base, refinement
-from crosstrack.models.optimal_control.transcription.mesh import mesh_of
+from crosstrack.models.optimal_control.transcription.mesh import Mesh, mesh_of
 from crosstrack.models.optimal_control.transcription.refinement import History, Rules
 from crosstrack.solvers.run.running import Run
 
@@ -163,3 +165,23 @@ def test_a_verified_plan_is_settled_by_a_finer_mesh_with_the_same_objective(is_v
     )  # fmt: skip
     assert finding.verified is not True and finding.settled is is_verified
     assert (finding.words == "the plan of the mesh before verified and settled") is is_verified
+
+
+@pytest.mark.parametrize(("former_error", "action"), [(1.0, "raised"), (5e-4, "cut about")])
+def test_an_interval_is_cut_if_a_higher_degree_did_not_reduce_its_error(former_error, action):
+    ocp = ct.models.OptimalControlProblem("end")
+    phase = ocp.phase(time=(0, 1))
+    x, u = phase.state("x", initial=0), phase.control("u")
+    phase.dynamics({x: u})
+    phase.path(x, upper=0.999, name="limit at the end, which is no node")
+    ocp.minimise(phase.end)
+    plan = ControlPlan((phase_plan([0, 1], {"x": lambda t: t}, {"u": lambda t: 1 + 0 * t}),))
+    mesh = mesh_of(plan.phases[0])
+    former = History(
+        plan, 1.0, (Mesh(mesh.fractions, mesh.degrees - 1),), (np.array([former_error]),)
+    )
+    finding = refinement.next_meshes(
+        ocp.build(), plan, (mesh,), Rules(), 1e-6, (1.0, 1.0), former, [np.zeros(1)],
+        lambda plan, tolerance: False,
+    )  # fmt: skip
+    assert action in finding.words

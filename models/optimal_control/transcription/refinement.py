@@ -211,14 +211,18 @@ def next_meshes(
         why = "the objective has not settled: " if verified else "the plan does not verify: "
     finer_meshes, words = [], []
     for k, (mesh, report, part) in enumerate(zip(meshes, reports, plan.phases, strict=True)):
-        restless = report.chatters
+        restless, stays = report.chatters, np.zeros(mesh.intervals, bool)
         if former is not None:
-            restless = restless | _noisy_intervals(mesh, report, former.meshes[k], former.errors[k])
+            # Finer intervals that are as inaccurate as before: cutting does not help against noise of controls on a
+            # singular arc, and a degree does not help against a violation at an end, which is no node.
+            stays = _unimproved(mesh, report, former.meshes[k], former.errors[k])
+            is_noise = (report.tails <= NOISE) & (report.decays < SMOOTH)
+            restless = restless | (stays & is_noise)
         if rules.fixed_degree is not None:
             restless = np.zeros_like(restless)
         released = mesh.calm & (strains[k] > RELEASED * tolerance * size)
         merge = worst > SHARE * tolerance
-        finer, done = _refine(mesh, report, part, rules, limit, restless, released, merge)
+        finer, done = _refine(mesh, report, part, rules, limit, restless, released, stays, merge)
         finer_meshes.append(finer)
         words.append(f"phase {part.name!r}: {done}" if done and len(meshes) > 1 else done)
     if all(new.same(old) for new, old in zip(finer_meshes, meshes, strict=True)):
@@ -339,17 +343,12 @@ def denser(meshes: Sequence[Mesh], rules: Rules) -> tuple[Mesh, ...] | None:
     return tuple(finer)
 
 
-def _noisy_intervals(mesh: Mesh, report: Report, old: Mesh, errors: Floats) -> NDArray[np.bool_]:
-    """Return the refined intervals with an unchanged error whose control is smooth except for noise.
-
-    On a singular arc the program is insensitive to the control, which is as noisy as the solver is
-    inexact, and cutting does not help.
-    """
+def _unimproved(mesh: Mesh, report: Report, old: Mesh, errors: Floats) -> NDArray[np.bool_]:
+    """Return the intervals without a window whose refinement left most of the error of the interval before."""
     middle = 0.5 * (mesh.fractions[1:] + mesh.fractions[:-1])
     parent = errors[np.searchsorted(old.fractions, middle) - 1]
     stays = ~mesh.unchanged(old) & (report.worst >= STAYS * parent)
-    stays &= [not windows for windows in report.windows]
-    return stays & (report.tails <= NOISE) & (report.decays < SMOOTH)
+    return stays & [not windows for windows in report.windows]
 
 
 def _refine(
@@ -360,11 +359,13 @@ def _refine(
     limit: float,
     restless: NDArray[np.bool_],
     released: NDArray[np.bool_],
+    stays: NDArray[np.bool_],
     merge: bool,
 ) -> tuple[Mesh, str]:
     """Return a finer mesh of one phase, and a description of the action.
 
-    Controls are held calm in `restless` intervals with a large error, until they are `released`.
+    Controls are held calm in `restless` intervals with a large error, until they are `released`. The degree does
+    not rise if the error `stays`.
     """
     done: Counter[str] = Counter()
     cuts: list[float] = [0.0]
@@ -380,7 +381,7 @@ def _refine(
         elif restless[k] and not quiet and report.worst[k] > limit:
             inside, parts, quiet, word = [], [max(degree, CALM)], True, "held calm"
         else:
-            inside, parts, word = _decide(degree, report, k, rules, limit)
+            inside, parts, word = _decide(degree, report, k, rules, limit, bool(stays[k]))
         places = begin + 0.5 * (np.array([*inside, 1.0]) + 1.0) * (end - begin)
         places[-1] = end
         if (np.diff(np.append(begin, places)) < SHORTEST).any():
@@ -402,7 +403,7 @@ def _refine(
 
 
 def _decide(
-    degree: int, report: Report, k: int, rules: Rules, limit: float
+    degree: int, report: Report, k: int, rules: Rules, limit: float, stays: bool
 ) -> tuple[list[float], list[int], str]:
     """Return the cuts of interval k in [-1, 1], the degrees of its parts, and the name of the action."""
     worst = report.worst[k]
@@ -428,7 +429,7 @@ def _decide(
         if 0 < len(edges) <= 6:
             edges = _limit_part(edges, float(report.places[k]))
             return edges, [low] * (len(edges) + 1), "cut where a bound begins or ceases to bind"
-    if report.decays[k] >= SMOOTH:
+    if report.decays[k] >= SMOOTH and not stays:
         # One decade more than needed, because another examination of the interval costs a mesh.
         extra = int(np.clip(np.ceil((np.log10(ratio) + 1.0) / report.decays[k]), 2, 6))
         if degree + extra <= rules.most_degree:
