@@ -37,6 +37,8 @@ _JUMPS = (
     casadi.OP_FLOOR, casadi.OP_CEIL, casadi.OP_SIGN, casadi.OP_COPYSIGN, casadi.OP_FMOD,
     casadi.OP_REMAINDER, casadi.OP_IF_ELSE_ZERO,
 )  # fmt: skip
+#: Least share of a norm in its divisor, and its least value, which has a finite second derivative.
+LEAST_SHARE, TINY = 0.1, 1e-20
 #: Name of the new variables.
 NAME = "epigraph"
 
@@ -57,8 +59,11 @@ class _Kink(NamedTuple):
     @property
     def rows(self) -> list[Any]:
         """Expressions that must not be negative."""
-        if self.operation == casadi.OP_SQRT:  # the gradient of the root is unbounded at 0
-            return [self.symbol**2 - self.arguments[0]]
+        if self.operation == casadi.OP_SQRT:
+            # The gradient of the root is unbounded at 0. That of s² - e² vanishes there, and its multiplier is
+            # unbounded; that of s - e² / s is bounded. Between the nodes, s can be far below e.
+            least = LEAST_SHARE * casadi.sqrt(self.arguments[0] + TINY**2)
+            return [self.symbol - self.arguments[0] / casadi.fmax(self.symbol, least)]
         if self.operation == casadi.OP_FABS:
             return [self.symbol - self.arguments[0], self.symbol + self.arguments[0]]
         return [self.sign * (self.symbol - argument) for argument in self.arguments]

@@ -50,6 +50,9 @@ STALLED = 6
 #: It also explodes if the objective rose by more than this share in each of the last `RISING` meshes. The
 #: plan then passes an obstacle between two nodes: each finer mesh needs a faster turn.
 RISE, RISING = 0.1, 3
+#: It does not explode if the last relative change of the objective is at most this, or is at most :data:`CLOSE` and
+#: falls. A thrust that is switched exceeds its limit at the jumps until the intervals there are short.
+CONVERGED = 1e-7
 #: Work of all programs, in columns times iterations. Each stage has half of the rest, but at least `SHARE`, and
 #: the restricted one at least `RESTRICTED`: all stages together can need about twice as much.
 WORK, SHARE, RESTRICTED = 4_500_000, 300_000, 2_500_000
@@ -99,6 +102,10 @@ def explodes(rows: Sequence[dict[str, Any]]) -> bool:
         return True
     known = [row for row in rows if row.get("error") is not None and row.get("nodes")]
     if len(known) <= MESHES or any(row.get("verified") for row in known):
+        return False
+    changes = (row.get("change") for row in known[-2:])
+    former, change = (np.inf if item is None else item for item in changes)
+    if change <= max(CONVERGED, min(CLOSE, SHRINKS * former)):
         return False
     errors = [float(row["error"]) for row in known]
     if len(known) > STALLED and min(errors[-STALLED:]) > SHRINKS * min(errors[:-STALLED]):

@@ -180,6 +180,12 @@ def test_a_refinement_that_explodes_is_replaced(attended, monkeypatch):
 def test_an_explosion_is_growth_without_a_smaller_error(errors, nodes, expected):
     rows = [{"error": e, "nodes": n, "verified": None} for e, n in zip(errors, nodes, strict=True)]
     assert rescue.explodes(rows) is expected
+    # A limit that is exceeded next to a jump has little effect on the objective.
+    for former, change, is_converging in (
+        (1e-3, 8e-6, True), (1e-5, 8e-6, False), (1e-3, 8e-5, False), (1e-9, 9e-8, True), (None, 9e-6, True),
+    ):  # fmt: skip
+        rows[-2]["change"], rows[-1]["change"] = former, change
+        assert rescue.explodes(rows) is (expected and not is_converging)
     rows[2]["verified"] = True
     assert not rescue.explodes(rows)
 
