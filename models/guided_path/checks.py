@@ -10,7 +10,7 @@ from ..fields import required
 from ..verification import Check, Verification, check_entries, check_tolerance
 from .data import GuidedPathData
 from .plan import GuidedPathPlan
-from .schedule import Walk, walk_of
+from .schedule import Walk, time_scales, walk_of
 
 __all__ = ["verify_tour"]
 
@@ -73,17 +73,16 @@ def _check_windows(
     model: GuidedPathData, windows: Floats, walk: Walk, tolerance: float
 ) -> list[Check]:
     """Return the checks of the latest begin of each service and of the end of the tour."""
-    latest = windows[walk.stops, 1]
-    late = walk.begin - latest
-    # A latest time of 0 determines no scale; times from the departure to 0 are at most as large as it.
-    scales = np.where(np.isfinite(latest) & (latest != 0), np.abs(latest), abs(windows[0, 0]))
-    scales = np.maximum(scales, 1e-300)
+    late = walk.begin - windows[walk.stops, 1]
+    scales, noise = time_scales(windows)
+    scales = np.maximum(scales[walk.stops], 1e-300)
     return [
         Check.largest(
             "begin within the time window", late[1:-1], scales[1:-1], "s",
-            lambda k: f"customer {model.label(walk.stops[k + 1])}", tolerance,
+            lambda k: f"customer {model.label(walk.stops[k + 1])}", tolerance, noise=noise,
         ),
         Check.largest(
-            "end of the tour in time", late[-1:], scales[-1:], "s", "end of the tour", tolerance
+            "end of the tour in time", late[-1:], scales[-1:], "s", "end of the tour", tolerance,
+            noise=noise,
         ),
     ]  # fmt: skip

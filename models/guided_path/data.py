@@ -76,7 +76,6 @@ class GuidedPathData(Model[GuidedPathPlan]):
             )
         chain_of: dict[int, int] = {}
         for k, chain in enumerate(self.chains):
-            seen: set[int] = set()
             for place, customer in enumerate(chain):
                 name = f"chains[{k}][{place}]"
                 if customer >= self.size or (customer == 0 and place):
@@ -85,17 +84,18 @@ class GuidedPathData(Model[GuidedPathPlan]):
                         f"chain), got {customer}",
                         field="chains",
                     )
-                if customer and chain_of.setdefault(customer, k) != k:
+                if (other := chain_of.get(customer, k)) != k:
                     raise InvalidData(
                         f"{name}: customer {customer} must be in one chain only, it is in chains "
-                        f"{chain_of[customer]} and {k}: state further pairs as precedence",
+                        f"{other} and {k}: state further pairs as precedence",
                         field="chains",
                     )
-                if customer in seen:
+                if customer in chain_of:
                     raise InvalidData(
                         f"{name}: customer {customer} must be in the chain once", field="chains"
                     )
-                seen.add(customer)
+                if customer:
+                    chain_of[customer] = k
         for row, column in np.argwhere((self.precedence < [0, 1]) | (self.precedence >= self.size))[
             :1
         ].tolist():

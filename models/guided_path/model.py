@@ -130,10 +130,8 @@ class GuidedPathTour(GuidedPathData):
         """Return a short description of the size."""
         customers = self.size - 1
         words = [f"{customers} customer{'s' if customers > 1 else ''}"]
-        if self.chains:
-            words.append(f"{len(self.chains)} chain{'s' if len(self.chains) > 1 else ''}")
-        if len(self.precedence):
-            words.append(f"{len(self.precedence)} pair{'s' if len(self.precedence) > 1 else ''}")
+        for count, noun in ((len(self.chains), "chain"), (len(self.precedence), "pair")):
+            words += [f"{count} {noun}{'s' if count > 1 else ''}"] * (count > 0)
         if self.vehicles is not None:
             words.append(f"{len(self.vehicles)} vehicles")
         words += [name for name in extensions_of(self) if name != "vehicles"]

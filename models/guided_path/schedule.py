@@ -24,7 +24,7 @@ from .data import GuidedPathData
 from .plan import GuidedPathPlan
 from .track import Track
 
-__all__ = ["Walk", "labels_of", "walk_of"]
+__all__ = ["Walk", "labels_of", "time_scales", "walk_of"]
 
 Floats = NDArray[np.float64]
 
@@ -76,6 +76,16 @@ def walk_of(model: GuidedPathData, plan: GuidedPathPlan) -> Walk:
         load[-1] = load[max(row for row in range(len(order) - 1) if vehicles[row] == 0)]
     begin = _times(model, order, vehicles, moved, places)
     return Walk(order, vehicles, places, np.cumsum(moved), positions, begin, load)
+
+
+def time_scales(windows: Floats) -> tuple[Floats, float]:
+    """Return the scale of each latest time, and the rounding of sums of times, in s.
+
+    The scale is the time from the departure, so a shift of all times does not change what is accepted.
+    """
+    since = np.abs(windows[:, 1] - windows[0, 0])
+    finite = np.abs(windows[np.isfinite(windows)])
+    return np.where(since < np.inf, since, 0.0), len(windows) * float(np.spacing(finite.max()))
 
 
 def labels_of(model: GuidedPathData, walk: Walk) -> list[str]:

@@ -140,12 +140,10 @@ class DynamicProgramming(LineBackend):
     def run(self, problem: GuidedPathTour, request: Request) -> Answer:
         """Fill the table, and trace the shortest tour."""
         begin = clock()
-        if reason := name_unsupported(problem):
-            raise UnsupportedFormulation(f"backend {self.name!r} does not cover {reason}")
+        self.require_support(problem)
         flag = request.control.flag
         small, numbers = reduced(problem, passing=request.options["passing"])
-        reason = _too_large(small.cover)
-        if reason:
+        if reason := _too_large(small.cover):  # without `passing` it is larger
             raise UnsupportedFormulation(f"backend {self.name!r}: {reason}")
         table = Table.of(small)
         bound: float | None = None

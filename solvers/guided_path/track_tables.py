@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.guided_path.model import GuidedPathTour
+from ...models.guided_path.schedule import time_scales
 from ...models.guided_path.track import Track
 
 __all__ = ["ROUNDING", "TrackTables", "chains_of"]
@@ -171,9 +172,8 @@ class TrackTables:
     def limits(self) -> Floats:
         """Latest begin at each customer, and of the end in entry 0, with a margin for rounding, in s."""
         assert self.model.windows is not None
-        late = self.model.windows[:, 1]
-        scales = np.where(late == 0, np.abs(self.model.windows[0, 0]), np.abs(late))
-        return late + ROUNDING * scales
+        scales, noise = time_scales(self.model.windows)
+        return self.model.windows[:, 1] + (ROUNDING * scales + noise)
 
     @cached_property
     def latest(self) -> Floats:

@@ -305,3 +305,12 @@ def test_other_times_do_not_loosen_a_latest_time_of_zero():
     )
     assert not model.verify(GuidedPathPlan((1, 2))).ok
     assert run(model).termination == "infeasible"
+
+
+@pytest.mark.parametrize("shift", [0.0, 1.7e9, -1.7e9])
+def test_a_shift_of_all_times_does_not_accept_a_late_plan(shift):
+    for latest, status in ((50.0, "infeasible"), (100.0, "optimal")):
+        windows = shift + np.array([[0.0, 1e4], [0.0, latest], [0.0, 1e4]])
+        model = GuidedPathTour([0, 100, 200], speed=1.0, windows=windows)
+        assert run(model).termination == status
+        assert model.verify(GuidedPathPlan((1, 2))).ok == (status == "optimal")
