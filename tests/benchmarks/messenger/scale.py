@@ -1,15 +1,16 @@
 """Lengths of ``tour-search`` and of the other searches at equal time limits, for many vehicles.
 
 ``python tests/benchmarks/messenger/scale.py FILE [--seconds 10] [--vehicles 100 200] [--seeds 5]`` appends one JSON
-line per run to FILE and skips runs with this limit that it contains. The limit counts wall-clock seconds, so the
-machine should be idle. Each line contains the CPU seconds of its run. ``--wild N`` measures N wild instances of 1 to
-300 vehicles instead, and ``--report`` prints the comparison.
+line per run to FILE and skips runs with this limit that it contains. The limit counts CPU seconds. Each line contains
+the CPU seconds of its run. ``--wild N`` measures N wild instances of 1 to 300 vehicles instead, and ``--report``
+prints the comparison.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -17,13 +18,17 @@ from typing import Any
 import numpy as np
 from scipy.stats import wilcoxon
 
-import crosstrack as ct
-from crosstrack import jit
-from crosstrack.instances.messenger import generate
-from crosstrack.models import MessengerTour
-from crosstrack.solvers.messenger.decoding import follow
-from crosstrack.solvers.messenger.heuristics import build_greedily
-from crosstrack.solvers.messenger.rivals import Flight
+sys.path[:0] = [str(Path(__file__).resolve().parents[2])]
+
+from benchmarks import cpu_clock  # noqa: E402, F401 - before crosstrack
+
+import crosstrack as ct  # noqa: E402
+from crosstrack import jit  # noqa: E402
+from crosstrack.instances.messenger import generate  # noqa: E402
+from crosstrack.models import MessengerTour  # noqa: E402
+from crosstrack.solvers.messenger.decoding import follow  # noqa: E402
+from crosstrack.solvers.messenger.heuristics import build_greedily  # noqa: E402
+from crosstrack.solvers.messenger.rivals import Flight  # noqa: E402
 
 TWO_OPT = "greedy-boundary + 2-opt"
 BACKENDS = (
