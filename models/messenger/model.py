@@ -135,11 +135,8 @@ class MessengerTour(TourData):
         for name, value in (("wind", self.wind), ("home at", self.home_velocity)):
             kind += "" if value is None else f", {name} {np.hypot(*value):.4g} m/s"
         rest = ", at rest" if self.at_rest else ""
-        kind += (
-            ""
-            if self.no_fly is None
-            else f", {len(self.no_fly)} no-fly zone{'s' * (len(self.no_fly) > 1)}"
-        )
+        if self.no_fly is not None:
+            kind += f", {len(self.no_fly)} no-fly zone{'s' * (len(self.no_fly) > 1)}"
         kind += "" if self.uavs is None else f", {len(self.starts)} UAVs"
         return (
             f"{self.size} vehicle{'s' * (self.size > 1)}{rest}, radius {radius} m, "

@@ -108,6 +108,11 @@ class Request:
             return None
         return max(self.time_limit - (time.perf_counter() - self.control.started), 0.0)
 
+    @property
+    def limit(self) -> Limit | None:
+        """Limit that ended the run, also before the timer of the control; None while the run continues."""
+        return self.control.limit or (Limit.TIME if self.left() == 0.0 else None)
+
     def within(
         self,
         backend: Backend,

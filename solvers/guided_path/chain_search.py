@@ -170,10 +170,9 @@ class ChainSearch(LineBackend):
                     control.incumbent(value, plan)
         except OutOfTime:
             control.stop(Limit.TIME)
-        limit = control.reason or (Limit.TIME if request.left() == 0.0 else None)
         return Answer(
             Termination.FEASIBLE,
-            limit,
+            request.limit,
             plan,
             value,
             seconds={"solve": clock() - begin},
@@ -200,7 +199,7 @@ def _orders(model: GuidedPathTour, request: Request) -> Iterator[tuple[tuple[int
     start = np.array([position[c] for c in best if c in position], np.int64)
     rounds = ChainRounds(tables, needs_of(small, small.cover, flag=flag), start, request.seed)
     while not rounds.settled and rounds.rounds < request.options["rounds"]:
-        if request.control.stopped or request.left() == 0.0:
+        if request.limit is not None:
             return
         former = rounds.value
         same = rounds.improve(flag) == former

@@ -156,8 +156,7 @@ class _Search:
     @property
     def over(self) -> bool:
         """True if the incumbent is proven or a limit is reached."""
-        if self.control.stopped or self.request.left() == 0.0:
-            self.limit = self.control.reason or Limit.TIME
+        self.limit = self.request.limit
         return self.exact or self.is_close or self.limit is not None
 
     def offer(self, value: float | None, plan: GuidedPathPlan) -> None:

@@ -254,10 +254,7 @@ def fly_path(field: Field, order: tuple[int, ...], path: Path, at: list[float]) 
         if not place.size:
             place = target
         ahead = target + velocity * clock - place
-        along, rest = float(ahead @ velocity), 1.0 - float(velocity @ velocity)
-        # |ahead + W t| = t
-        wait = (along + math.sqrt(along * along + rest * float(ahead @ ahead))) / rest
-        clock += wait
+        clock += float(chase(ahead, velocity, 1.0))
         place = target + velocity * clock
         points.append(place)
     length = clock

@@ -11,9 +11,9 @@ import numpy as np
 
 from ...jit import clock
 from ...models.messenger.model import MessengerTour
-from ...models.messenger.motion import chase
+from ...models.messenger.motion import met_after
 from ...models.messenger.plan import TourPlan
-from ..contract.backend import Answer, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import Answer, Feature, Guarantee, Option, Request, Termination
 from .bound import CurvatureBound
 from .extensions import TourBackend
 from .search import TourSearch, nearest_tour
@@ -67,7 +67,7 @@ class CrewSearch(TourBackend):
         crew.offer(sets)
         bound = crew.bound()
         request.control.prove(bound)
-        while crew.limit is None and not optimal and idle <= request.options["patience"]:
+        while request.limit is None and not optimal and idle <= request.options["patience"]:
             before = crew.length
             sets = crew.descend(sets)
             for uav, vehicles in enumerate(sets):
@@ -78,7 +78,7 @@ class CrewSearch(TourBackend):
             sets = crew.kick(crew.sets or sets)
         result = Termination.OPTIMAL if optimal else Termination.FEASIBLE
         return Answer(
-            result if crew.plan else Termination.NO_SOLUTION, None if optimal else crew.limit, crew.plan,
+            result if crew.plan else Termination.NO_SOLUTION, None if optimal else request.limit, crew.plan,
             crew.length if crew.plan else None, bound, seconds={"solve": clock() - begin},
             statistics={"tours": len(crew.tours)},
         )  # fmt: skip
@@ -102,17 +102,11 @@ class _Crew:
         # UAVs with the same start share tours.
         self.base = [starts.index(start) for start in starts]
 
-    @property
-    def limit(self) -> Limit | None:
-        """Limit that ended the run, or None."""
-        ended = self.request.left() == 0.0
-        return self.request.control.limit or (Limit.TIME if ended else None)
-
     def bound(self) -> float:
         """Return a lower bound (m) on the latest finish."""
         best, problem = 0.0, self.problem
         soonest = np.min([
-            chase(problem.positions - start[:2], problem.velocities, problem.speed)
+            met_after(problem, start[:2], 0.0, range(problem.size))
             for start in problem.starts
         ], axis=0)  # fmt: skip
         # The last vehicles to be met come first. The others then rarely require a second UAV.
@@ -133,9 +127,8 @@ class _Crew:
         times, left = np.zeros(len(places)), list(range(problem.size))
         sets: list[set[int]] = [set() for _ in places]
         while left:
-            rate = problem.velocities[left]
             ends = np.array([
-                time + chase(problem.positions[left] + rate * time - place, rate, problem.speed)
+                time + met_after(problem, place, time, left)
                 for place, time in zip(places, times.tolist(), strict=True)
             ])  # fmt: skip
             uav, row = divmod(int(ends.argmin()), len(left))
@@ -176,12 +169,12 @@ class _Crew:
     def descend(self, sets: Sets) -> Sets:
         """Return a local optimum of moves and exchanges of vehicles of the UAV that finishes last."""
         improved = True
-        while improved and self.limit is None:
+        while improved and self.request.limit is None:
             self.offer(sets)
             improved, lengths = False, [self.tour(*item) for item in enumerate(sets)]
             last = int(np.argmax(lengths))
             for trial, uav in self.neighbours(sets, last):
-                if self.limit is not None:
+                if self.request.limit is not None:
                     break
                 others = [x for k, x in enumerate(lengths) if k not in (last, uav)]
                 latest = max(self.tour(last, trial[last]), self.tour(uav, trial[uav]), *others)

@@ -15,7 +15,7 @@ from ...models.messenger.dubins import WORDS, advance, word_lengths
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import TourPlan
 from ...models.messenger.zones import depth
-from ..contract.backend import Answer, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import Answer, Feature, Guarantee, Option, Request, Termination
 from .emission import cut
 from .extensions import TourBackend
 from .last_leg import Disc, shortest_to_disc
@@ -93,7 +93,7 @@ class DetourSearch(TourBackend):
             offer(_Round(problem, request, draw).plan())
             rounds += 1
             optimal = best is not None and best.length - bound <= request.gap * best.length
-            limit = request.control.limit or (Limit.TIME if request.left() == 0.0 else None)
+            limit = request.limit
         if best is None:
             message = "no tour clear of the zones was found, which does not prove that none exists"
             return Answer(Termination.NO_SOLUTION, limit, dual_bound=bound, message=message)
@@ -196,8 +196,7 @@ class _Round:
             if low >= best or tries == TRIES:
                 break
             disc = Disc.at(problem, vehicle, (state.flown + length) / self.speed, MARGIN)
-            far = math.hypot(disc.x - pose[0], disc.y - pose[1])
-            most = (far + 12 * math.pi * self.r) / (1 - math.hypot(disc.vx, disc.vy) / self.speed)
+            most = disc.limit(pose, self.speed, self.r)
             leg = shortest_to_disc(pose, disc, self.speed, self.r, min(most, best - length))
             if leg is None or not self.is_clear(pose, tuple(leg)):
                 continue

@@ -79,7 +79,7 @@ def polish(problem: MessengerTour, plan: TourPlan, request: Request) -> TourPlan
     optima = [optimum]
     while len(optima) <= ROUNDS:
         for point in _variants(optima[-1], problem.turning_radius):
-            if request.left() == 0.0 or request.control.stopped:
+            if request.limit is not None:
                 return field.best(optima)
             optimum = field.solve(point)
             if optimum is not None and optimum.length < optima[-1].length * (1.0 - GAIN):

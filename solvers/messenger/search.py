@@ -142,17 +142,15 @@ class _Search(Starts):
         self.anneal_again()
         if self.brief:
             self.prove_few()
-            self.brief, self.idle = self.is_close, 0
-            if not self.is_close:
+            self.brief, self.idle = self.is_within(CLOSE), 0
+            if not self.brief:
                 self.anneal_again()
         if options["bound"]:
             self.prove_few()
-        limit = self.request.control.reason if self.request.control.stopped else None
-        if limit is None and request.left() == 0.0:
-            limit = Limit.TIME
+        limit = request.limit
         statistics = {"annealings": self.runs, "polishes": self.polishes}
         seconds = {"solve": clock() - begin, "bound": proven}
-        best, done = self.best, self.within_gap
+        best, done = self.best, self.is_within(request.gap)
         result = Termination.OPTIMAL if done else Termination.FEASIBLE
         return Answer(
             Termination.NO_SOLUTION if best is None else result, None if done else limit, best,
@@ -211,25 +209,16 @@ class _Search(Starts):
         return MORE * patience if self.few and self.compared is not None else patience
 
     @property
-    def is_close(self) -> bool:
-        """Whether the gap is so small that no further annealing follows."""
-        if self.best is None or self.bound is None:
-            return False
-        return self.best.length - self.bound <= CLOSE * self.best.length
-
-    @property
     def ended(self) -> bool:
         """Whether the search has ended."""
-        if self.request.control.stopped or self.request.left() == 0.0 or self.within_gap:
-            return True
-        return self.idle >= self.patience
+        done = self.request.limit is not None or self.is_within(self.request.gap)
+        return done or self.idle >= self.patience
 
-    @property
-    def within_gap(self) -> bool:
-        """Whether the best tour is proven within the requested gap."""
+    def is_within(self, gap: float) -> bool:
+        """Return whether the best tour is proven within a relative gap."""
         if self.best is None or self.bound is None:
             return False
-        return self.best.length - self.bound <= self.request.gap * self.best.length
+        return self.best.length - self.bound <= gap * self.best.length
 
     def prove(self) -> list[tuple[int, ...]]:
         """Prove a lower bound, and return the orders with the least bounds."""
@@ -274,14 +263,13 @@ class _Search(Starts):
     def prove_few(self) -> None:
         """Raise the bound of a tour over few vehicles, also for short legs."""
         problem, gap = self.problem, self.request.gap
-        if not self.few or self.best is None or self.within_gap or self.best is self.compared:
+        if not self.few or self.best is None or self.is_within(gap) or self.best is self.compared:
             return
         self.compared = self.best
         edges = EDGES * (MORE_EDGES if gap >= WIDE_GAP else 1)
         bound = prove_poses(
-            problem, self.best.length, gap, edges,
-            lambda: self.request.control.stopped or self.request.left() == 0.0,
-        )  # fmt: skip
+            problem, self.best.length, gap, edges, lambda: self.request.limit is not None
+        )
         self.bound = max(bound, self.bound or 0.0)
         self.request.control.prove(self.bound)
 
