@@ -11,8 +11,8 @@ from ..contract.backend import Request
 from ..resource_routing.native import RouteSearch
 
 if TYPE_CHECKING:
+    from ..resource_routing.elementary import Found
     from .airspace import Airspace
-    from .elementary import Found
 
 __all__ = ["RoutingBackend"]
 
@@ -41,7 +41,7 @@ class RoutingBackend(RouteSearch):
 
         if request.time_limit is not None:
             _report_first(problem, request)
-        return self.search(airspace(problem), problem.revisits, cutoff, request)
+        return self.search(problem, airspace(problem), cutoff, request)
 
     def measure(self, problem: ErrorCorrectionRouting, plan: Route) -> float:
         """Return the length of `plan`, its legs added exactly."""
@@ -49,7 +49,7 @@ class RoutingBackend(RouteSearch):
 
     @abstractmethod
     def search(
-        self, space: Airspace, revisits: bool, ceiling: float, request: Request
+        self, problem: ErrorCorrectionRouting, space: Airspace, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Return the best route no longer than `ceiling`, and statistics of the algorithm's own."""
 

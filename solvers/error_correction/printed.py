@@ -21,12 +21,12 @@ from ..contract.backend import (
     Request,
     Termination,
 )
+from ..resource_routing.elementary import Found
 from ..resource_routing.outcomes import FOUND, NOTHING, OPEN, STOPPED
 from .native import RoutingBackend
 
 if TYPE_CHECKING:
     from .airspace import Airspace
-    from .elementary import Found
 
 __all__ = [
     "FACTORS",
@@ -132,11 +132,10 @@ class PrintedSearch(RoutingBackend):
         return super().refuses(problem)
 
     def search(
-        self, space: Airspace, revisits: bool, ceiling: float, request: Request
+        self, problem: ErrorCorrectionRouting, space: Airspace, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Run the printed algorithm and compare its route with the shortest walk."""
         from .ceiling_kernels import climb
-        from .elementary import Found
 
         result, own = self.find_as_printed(space, ceiling, request)
         if result.status not in (FOUND, NOTHING):
@@ -171,7 +170,6 @@ class Pulse(PrintedSearch):
         self, space: Airspace, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Run the pulse algorithm from A without a known route."""
-        from .elementary import Found
         from .printed_kernels import send_pulses
 
         begin = clock()
@@ -194,7 +192,6 @@ class DynamicProgramming(PrintedSearch):
         self, space: Airspace, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Correct labels until no label changes."""
-        from .elementary import Found
         from .printed_kernels import correct_labels
 
         begin = clock()
@@ -217,7 +214,6 @@ class TwoStage(PrintedSearch):
         self, space: Airspace, ceiling: float, request: Request
     ) -> tuple[Found, Mapping[str, Any]]:
         """Run the two stages."""
-        from .elementary import Found
         from .printed_kernels import send_pulses
 
         begin = clock()

@@ -4,10 +4,10 @@
 SHARED = (
     "diagnosis.diagnose_resources",
     "elementary.Found",
-    "elementary.elementary",
     "first.route_in_time",
     "front_kernels.trace",
     "front_kernels.widened",
+    "labelling.ResourceLabelling",
     "native.RouteSearch",
     "outcomes.DEAR",
     "outcomes.FOUND",

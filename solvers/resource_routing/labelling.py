@@ -60,9 +60,16 @@ class ResourceLabelling(RouteSearch):
         return walk_route(problem, plan)[0][-1].value
 
     def find(
-        self, problem: ResourceRouting, cutoff: float, request: Request
+        self,
+        problem: ResourceRouting,
+        cutoff: float,
+        request: Request,
+        least: NDArray[np.float64] | None = None,
     ) -> tuple[Found, Mapping[str, float | int | str]]:
         """Return the best route no longer than `cutoff`, and the number of arcs.
+
+        `least`, shape (n,), are lower bounds on the lengths from the points to the end, for a model without
+        prizes. Their errors must be below those of sums of lengths.
 
         If all pairs of points are arcs, points far from the straight line are left out first. A run with
         a time limit begins with searches that keep few labels per point, see :mod:`.first` and
@@ -79,7 +86,7 @@ class ResourceLabelling(RouteSearch):
         start.begin()
         made = settled = 0
         for rows, proven, ceiling in _stages(problem, cutoff):
-            result, arcs = _under(problem, rows, ceiling, request.control.flag, start)
+            result, arcs = _under(problem, rows, ceiling, request.control.flag, start, least)
             made, settled = made + result.made, settled + result.settled
             known = start.route is not None and start.length * (1.0 + MARGIN) <= ceiling
             if result.status == NOTHING and known:
@@ -137,8 +144,9 @@ def _under(
     cutoff: float,
     flag: NDArray[np.int8],
     start: Start,
+    least: NDArray[np.float64] | None,
 ) -> tuple[Found, int]:
-    """Return the best routes through `rows` no longer than `cutoff`, and the number of arcs."""
+    """Return the best routes through `rows` no longer than `cutoff`, and the number of arcs; see :meth:`find`."""
     import numpy as np
 
     from .elementary import Found, elementary
@@ -172,26 +180,31 @@ def _under(
     # Length of the last walk of the first search, which the last of as many simple routes is not shorter than.
     longest = -math.inf
 
+    def bounds_by_way(critical: NDArray[np.int64]) -> tuple[NDArray[np.float64], ...]:
+        ahead, via = bounds.ahead, bounds.via(net, critical)
+        if least is None or bounds.weight.any():
+            return ahead, via
+        better = np.maximum(ahead, least[rows])
+        return better, via + (better[critical] - ahead[critical])
+
     def search(critical: NDArray[np.int64], proven: float) -> Found:
         nonlocal bounds, light, longest
         critical, bits, words = memory.arrays(critical)
-        via = bounds.via(net, critical)
+        ahead, via = bounds_by_way(critical)
         made = settled = rounds = 0
-        below = proven = max(proven, float(bounds.ahead[net.start]))
+        below = proven = max(proven, float(ahead[net.start]))
         share = FIRST if critical.size and 0 < abs(proven) < math.inf else LAST
         while True:
-            least = max(proven, longest)
-            ceiling = min(cutoff, least + abs(least) * share) if share < LAST else cutoff
-            guide = Guide(
-                bounds.weight, bounds.ahead, via, bits, words, shut[critical], bounds.rounding
-            )
+            floor = max(proven, longest)
+            ceiling = min(cutoff, floor + abs(floor) * share) if share < LAST else cutoff
+            guide = Guide(bounds.weight, ahead, via, bits, words, shut[critical], bounds.rounding)
             status, points, sizes, lengths, bound, *counts, pruned = best_first(
                 net, guide, ceiling, problem.routes, light, flag
             )
             made, settled, rounds = made + counts[0], settled + counts[1], rounds + 1
             if status == FULL and light < MOST_LABELS:
                 light, bounds = MOST_LABELS, best_bounds(net) or bounds
-                via = bounds.via(net, critical)
+                ahead, via = bounds_by_way(critical)
                 continue
             # A ceiling also closes critical points, which lets labels dominate more.
             cut = pruned > 0 or (critical.size > 0 and ceiling < math.inf)

@@ -17,7 +17,8 @@ from crosstrack.solvers import Request, find_backend
 from crosstrack.solvers.error_correction.airspace import airspace
 from crosstrack.solvers.error_correction.grid import build, reach
 from crosstrack.solvers.error_correction.steps import distances_to, remaining
-from crosstrack.solvers.error_correction.way_kernels import rest, ways_on
+from crosstrack.solvers.error_correction.way_kernels import lengths_of_walks
+from crosstrack.solvers.resource_routing import network as arcs_of
 
 PRINTED = ["two-stage", "pulse", "dynamic-programming"]
 EXACT = ["label-setting", *PRINTED]
@@ -96,7 +97,8 @@ def test_a_chain_of_choices_is_not_multiplied(k, jitter):
 
 
 @pytest.mark.parametrize("k", [6, 12])
-def test_all_searches_agree_on_chains(k):
+def test_the_lengths_of_walks_cut_off_no_optimum(k):
+    """The search of the general model has bounds that ignore the errors."""
     models = [
         chain(k),
         chain(k, twins=2, others=1),
@@ -109,6 +111,35 @@ def test_all_searches_agree_on_chains(k):
         if answer.primal_bound is not None:
             assert answer.primal_bound == pytest.approx(other.primal_bound, rel=1e-12)
     assert answered(models[2]).termination == "infeasible"
+
+
+@pytest.mark.slow
+def test_a_solver_of_programs_agrees_on_chains():
+    for model in (chain(3), chain(3, twins=2, others=1), clusters(2, 2)):
+        best = ct.solve(model, "highs", isolate=False).primal_bound
+        assert answered(model).primal_bound == pytest.approx(best, rel=1e-9)
+
+
+def test_without_room_for_the_arcs_the_walk_is_the_bound(monkeypatch):
+    model = chain(6)
+    walk = answered(replace(model, revisits=True)).primal_bound
+    monkeypatch.setattr(arcs_of, "MOST_NUMBERS", 10)
+    answer = answered(model)
+    assert answer.termination == "no_solution" and answer.limit is None
+    assert answer.dual_bound == walk
+    assert "visits points twice" in answer.message
+
+
+def test_a_route_much_longer_than_the_walk_is_the_second_search():
+    """The spare hub lies aside, so that no simple route is within 2 % of the walk."""
+    points = [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [1, -0.08, 0], [2.2, 0, 0]]
+    kinds = ["A", "horizontal", "vertical", "horizontal", "B"]
+    model = ErrorCorrectionRouting(points, kinds, 1.6, 1.6, 1.6, 1.6, 1.79, delta=1.0)
+    walk = answered(replace(model, revisits=True))
+    answer = answered(model)
+    assert len(set(walk.point.route)) < len(walk.point.route)
+    assert answer.primal_bound == pytest.approx(shortest_length(model), rel=1e-12)
+    assert answer.primal_bound > 1.02 * walk.primal_bound
 
 
 @pytest.mark.parametrize("single", [(23,), tuple(range(20, 24)), tuple(range(24))])
@@ -166,29 +197,23 @@ def test_a_known_route_bounds_the_search(name):
     assert none.termination == "no_solution" and none.dual_bound == 0.99 * free.primal_bound
 
 
-def test_ways_on_equal_a_search_over_exact_states():
-    """From any point, left with any error: the shortest walk to B, or none."""
+def test_walks_to_the_end_equal_a_search_over_exact_states():
+    """From any point, left without an error: the shortest walk to B, or none."""
     flag, checked = np.zeros(1, np.int8), 0
     for seed in range(40):
         model = random_small(3 + seed % 6, seed, revisits=True)
         space, grid = laid_out(model)
-        _, ways, _, _ = ways_on(space, grid, np.inf, flag)
+        _, lengths, _ = lengths_of_walks(space, grid, np.inf, flag)
         for slot, point in enumerate(grid.ids[:-1].tolist()):
-            kind = str(model.kinds[point])
-            for carried in (0.0, 0.3, 0.6) if kind in ("horizontal", "vertical") else (0.0,):
-                # The point is left with this error where A lies so far before it.
-                found = rest(ways, slot, carried)
-                truth = from_state(model, point, carried)
-                checked += math.isfinite(truth)
-                assert found == pytest.approx(truth, rel=1e-9), (seed, point, carried)
-    assert checked > 100
+            truth = from_state(model, point)
+            checked += math.isfinite(truth)
+            assert lengths[slot] == pytest.approx(truth, rel=1e-9), (seed, point)
+    assert checked > 50
 
 
-def from_state(model, point, carried):
-    """Return the length of the shortest walk to B from `point`, left with the surviving error."""
-    kind = str(model.kinds[point])
-    errors = (carried if kind == "vertical" else 0.0, carried if kind == "horizontal" else 0.0)
-    open_states, done = {(point, errors): 0.0}, set()
+def from_state(model, point):
+    """Return the length of the shortest walk to B from `point`, left without an error."""
+    open_states, done = {(point, (0.0, 0.0)): 0.0}, set()
     while open_states:
         here, length = min(open_states.items(), key=lambda item: item[1])
         del open_states[here]

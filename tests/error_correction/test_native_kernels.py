@@ -17,12 +17,10 @@ from crosstrack.models import ErrorCorrectionRouting
 from crosstrack.solvers import Request, find_backend
 from crosstrack.solvers.contract.backend import Limit
 from crosstrack.solvers.error_correction.airspace import airspace
-from crosstrack.solvers.error_correction.elementary import Found, critical_bits, elementary
 from crosstrack.solvers.error_correction.grid import build, near
 from crosstrack.solvers.error_correction.reachability import reachable, refusals
 from crosstrack.solvers.error_correction.steps import distances_to, remaining
-from crosstrack.solvers.error_correction.sweep_kernels import best_first
-from crosstrack.solvers.error_correction.way_kernels import plain_ways
+from crosstrack.solvers.resource_routing.elementary import Found, elementary
 
 PRINTED = ["two-stage", "pulse", "dynamic-programming"]
 EXACT = ["label-setting", *PRINTED]
@@ -70,7 +68,7 @@ def test_compiled_and_interpreted_are_the_same():
 
 
 def test_same_instance_same_plan():
-    model = ct.load("error-correction/9")
+    model = ct.load("error-correction/4")
     for name in [*EXACT, "labelling"]:
         first, second = ct.solve(model, name, seed=1), ct.solve(model, name, seed=2)
         assert first.plan == second.plan
@@ -264,23 +262,6 @@ def test_the_grid_finds_near_points(seed):
                 expected = np.flatnonzero((distance <= radius) & (model.codes == kind))
                 assert near_points == set(expected.tolist()) - {int(grid.ids[slot])}
                 assert np.allclose(np.sort(away[:count]), np.sort(distance[sorted(near_points)]))
-
-
-def test_more_critical_points_than_bits_in_a_word():
-    """With every point critical, masks of several words: the same simple route."""
-    model = uniform_slab(150, (25, 20, 25, 25, 30), seed=5)
-    space = airspace(model)
-    grid = build(space, np.ones(len(model.points), np.bool_))
-    critical = np.flatnonzero((model.codes == 1) | (model.codes == 2))
-    bits, words = critical_bits(grid, critical)
-    assert words == 3
-    assert sorted(bits[bits >= 0]) == list(range(len(critical)))
-    flag = np.zeros(1, np.int8)
-    ways = plain_ways(distances_to(grid, len(grid.x) - 1))
-    found = Found(*best_first(space, grid, ways, bits, words, np.inf, flag))
-    best = ct.solve(model)
-    assert found.length == pytest.approx(best.primal_bound)
-    assert len(set(found.route.tolist())) == len(found.route)
 
 
 def test_bounds_on_the_remaining_length():

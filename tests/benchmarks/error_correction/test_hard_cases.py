@@ -1,8 +1,7 @@
-"""``label-setting`` on detours, dead ends and chains, beside a search with the straight line as bound.
+"""``label-setting`` on detours, dead ends and chains, beside the search of the general model.
 
-The other search is :func:`best_first` with nothing but the straight line and no ceiling: what
-``label-setting`` would be without the bounds that it takes where labels become many. Ratios are of
-times within one run; nothing fails because it is slow.
+The other search is ``resource-labelling``, whose bounds ignore the errors. Ratios are of times within one
+run; nothing fails because it is slow.
 """
 
 from __future__ import annotations
@@ -17,13 +16,6 @@ from error_correction.hard_cases import ball, chain, clusters, wall
 
 from crosstrack.instances.error_correction.generator import uniform_slab
 from crosstrack.solvers import Request, find_backend
-from crosstrack.solvers.error_correction.airspace import airspace
-from crosstrack.solvers.error_correction.elementary import Found, critical_bits, elementary
-from crosstrack.solvers.error_correction.grid import build
-from crosstrack.solvers.error_correction.steps import distances_to
-from crosstrack.solvers.error_correction.sweep_kernels import best_first
-from crosstrack.solvers.error_correction.way_kernels import plain_ways
-from crosstrack.solvers.resource_routing.outcomes import NOTHING
 
 
 def out_of_reach(n: int) -> Any:
@@ -53,14 +45,14 @@ CASES = {
 def compiled() -> None:
     """Compile everything beforehand."""
     for model in (chain(6, jitter=0.0), wall(1000)):
-        label_setting(model)
-    straight(chain(3, jitter=0.0))
+        measure(model, "label-setting")
+    measure(chain(3, jitter=0.0).lower(), "resource-labelling")
 
 
-def label_setting(model: Any) -> tuple[float, float | None, int]:
-    """Return seconds, length and labels of ``label-setting``."""
+def measure(model: Any, name: str) -> tuple[float, float | None, int]:
+    """Return seconds, length and labels of a search."""
     begin = time.perf_counter()
-    answer = find_backend("label-setting", model).run(model, Request())
+    answer = find_backend(name, model).run(model, Request())
     seconds = time.perf_counter() - begin
     assert answer.termination in ("optimal", "infeasible")
     if answer.point is not None:
@@ -68,27 +60,11 @@ def label_setting(model: Any) -> tuple[float, float | None, int]:
     return seconds, answer.primal_bound, int(answer.statistics["labels made"])
 
 
-def straight(model: Any) -> tuple[float, float | None, int]:
-    """Return the same of the search with the straight line as bound."""
-    begin = time.perf_counter()
-    space, flag = airspace(model), np.zeros(1, np.int8)
-    grid = build(space, np.ones(len(model.points), np.bool_))
-    ways = plain_ways(distances_to(grid, len(grid.x) - 1))
-
-    def search(critical: Any, bound: float) -> Found:
-        bits, words = critical_bits(grid, critical)
-        return Found(*best_first(space, grid, ways, bits, words, np.inf, flag))
-
-    found = elementary(search, revisits=model.revisits)
-    length = None if found.status == NOTHING else float(found.length)
-    return time.perf_counter() - begin, length, found.made
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_hard_case(name: str, ledger: Ledger) -> None:
     make, goal, smaller = CASES[name]
     model = make()
-    calls = [label_setting(model) for _ in range(3)]
+    calls = [measure(model, "label-setting") for _ in range(3)]
     best = min(seconds for seconds, _, _ in calls)
     title = f"{name}, {len(model.points):,} points"
     if goal < np.inf:
@@ -107,11 +83,11 @@ def test_hard_case(name: str, ledger: Ledger) -> None:
     if smaller is None:
         return
     model = smaller()
-    with_bound = min((label_setting(model) for _ in range(3)), key=lambda call: call[0])
-    without = straight(model)
+    with_bound = min((measure(model, "label-setting") for _ in range(3)), key=lambda call: call[0])
+    without = measure(model.lower(), "resource-labelling")
     assert (without[1] or np.inf) == pytest.approx(with_bound[1] or np.inf, rel=1e-9)
     ratio = without[0] / with_bound[0]
-    for solver, call in (("of fewer points", with_bound), ("straight line alone", without)):
+    for solver, call in (("of fewer points", with_bound), ("resource-labelling", without)):
         outcome = f"{len(model.points):,} points" + (
             f", {ratio:.3g} times the time" if call is without else ""
         )
