@@ -36,7 +36,7 @@ _BETTER = 0.95
 #: Ratio of the noise of the drive to that of the training drives up to which a tyre curve learned from them is used.
 _NOISIER = 2.0
 #: Ratio of the filter's deviation to its largest one on the training drives above which the tyre curve does not correct its error.
-_DOUBTFUL = 2.0
+_DOUBTFUL = 10.0
 #: Relative change of the mass since the training drives whose effect is named, and the smallest effect, rad.
 LOAD, LEAST_EFFECT = 0.1, math.radians(0.1)
 #: Factor on a deviation above which a message names the reason.
