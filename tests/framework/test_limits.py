@@ -4,6 +4,7 @@ import dataclasses
 import inspect
 import json
 import logging
+import re
 
 import pytest
 from commands import run
@@ -16,6 +17,7 @@ from crosstrack.models.fleet import FleetPlan
 from crosstrack.solvers import Backend, EventKind, Guarantee, Stalled
 from crosstrack.solvers.bench import Campaign, Set
 from crosstrack.solvers.contract.job import Job
+from crosstrack.solvers.contract.limits import LimitOptions
 
 FIELDS = [field.name for field in dataclasses.fields(ct.Limits)]
 MODEL = FleetRouting(
@@ -28,6 +30,12 @@ def test_every_verb_has_every_limit_as_a_keyword(verb):
     parameters = inspect.signature(getattr(ct, verb)).parameters
     assert [name for name in FIELDS if name not in parameters] == []
     assert "limits" in parameters
+
+
+def test_every_limit_has_a_type_for_callers_and_a_line_in_the_docstring():
+    assert sorted(LimitOptions.__annotations__) == sorted(FIELDS)
+    lines = re.findall(r"^ *([\w, ]+) : ", ct.Limits.__doc__, re.M)
+    assert sorted(name for line in lines for name in line.split(", ")) == sorted(FIELDS)
 
 
 #: A value of every limit that differs from its default.

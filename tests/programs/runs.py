@@ -16,6 +16,15 @@ from typing import Any
 import pytest
 
 from crosstrack.solvers.conformance import CaseResult, Status
+from crosstrack.solvers.contract.registry import declarations
+
+
+def included(folder: str) -> set[str]:
+    """Return the names of the included solvers of programs in `folder` of ``solvers``."""
+    entries = [entry for entry in declarations() if isinstance(entry.target, str)]
+    names = {entry.name for entry in entries if entry.target.startswith(f".solvers.{folder}.")}
+    assert names, f"no solver in {folder}"
+    return names
 
 
 def python(code: str) -> subprocess.CompletedProcess[str]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from runs import included
 
 import crosstrack as ct
 from crosstrack.errors import UnsupportedFormulation, UnsupportedOption
@@ -39,6 +40,10 @@ def asked(name: str, program: ConicProgram, **arguments: Any) -> Any:
     assert not backend.missing(), f"{name} is expected here"
     options = backend.checked_options({**OPTIONS.get(name, {}), **arguments.pop("options", {})})
     return backend.run(program, Request(options=options, **arguments))
+
+
+def test_every_included_solver_runs_the_cases() -> None:
+    assert included("conic") <= set(BACKENDS)
 
 
 @pytest.mark.parametrize("name", BACKENDS)

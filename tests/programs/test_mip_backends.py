@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from runs import answer_with, elsewhere, loaded_by_describing, python, unforeseen
+from runs import answer_with, elsewhere, included, loaded_by_describing, python, unforeseen
 
 from crosstrack.errors import UnsupportedFormulation
 from crosstrack.models.programs.linear import MixedIntegerProgram
@@ -77,6 +77,10 @@ def installed(name: str) -> None:
 
 
 parts = pytest.mark.parametrize("every", [FEW, pytest.param(1, marks=pytest.mark.slow)])
+
+
+def test_every_included_solver_runs_the_cases() -> None:
+    assert included("mip") <= set(BACKENDS)
 
 
 @pytest.mark.parametrize("name", BACKENDS)

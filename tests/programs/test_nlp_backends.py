@@ -15,7 +15,7 @@ import casadi
 import numpy as np
 import pytest
 from nonlinears import CASES, TWICE, asked, mine
-from runs import answer_with, elsewhere, loaded_by_describing
+from runs import answer_with, elsewhere, included, loaded_by_describing
 
 import crosstrack as ct
 from crosstrack.errors import BackendBroken, UnsupportedFormulation, UnsupportedOption
@@ -85,6 +85,10 @@ def asked_of(name: str, choice: dict[str, Any], every: int) -> list[str]:
 
 
 # Conformance.
+
+
+def test_every_included_solver_runs_the_cases() -> None:
+    assert included("nlp") <= set(BACKENDS)
 
 
 @pytest.mark.parametrize(

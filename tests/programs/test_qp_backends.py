@@ -16,7 +16,7 @@ import pytest
 import scipy.sparse as sp
 from hypothesis import HealthCheck, given, settings
 from quadratics import CASES, HERE, INF, asked, mine, programs
-from runs import answer_with, elsewhere, loaded_by_describing, python, unforeseen
+from runs import answer_with, elsewhere, included, loaded_by_describing, python, unforeseen
 
 from crosstrack.errors import (
     BackendBroken,
@@ -80,6 +80,10 @@ def conformance_cases(name: str, choice: str, every: int) -> list[str]:
     """Return the cases of a run: all of a backend, and each so many of its options."""
     names = [case for case in cases_for(find_backend(name)) if case in CASES]
     return names[len(choice) % every :: every] if choice else names
+
+
+def test_every_included_solver_runs_the_cases() -> None:
+    assert included("qp") <= set(BACKENDS)
 
 
 @pytest.mark.parametrize("every", [FEW, pytest.param(1, marks=pytest.mark.slow)])
