@@ -32,9 +32,8 @@ class LabelSetting(RoutingBackend):
     """A* search with dominance on the length and the surviving error.
 
     With revisits the search is exact and polynomial. Without them, a simple walk is accepted. Otherwise the
-    walk is a lower bound, and :class:`~crosstrack.solvers.resource_routing.labelling.ResourceLabelling` finds
-    the shortest simple route. Dominance that ignores visited points would discard a longer label that can
-    still visit a point needed later.
+    walk is a lower bound, and ``resource-labelling`` finds the shortest simple route. Dominance that ignores
+    visited points would discard a longer label that can still visit a point needed later.
 
     A run that reaches its time limit returns the best of the routes of the starter and of
     :func:`~crosstrack.solvers.resource_routing.first.route_in_time`. It ends without a plan only if
