@@ -63,7 +63,7 @@ def _find_simple(
 
     Routes little longer than the walk are searched first, because they use fewer points. The shortest walks
     from the points to B bound the rest of a route. If the arcs need too much memory, the status is ``OPEN``,
-    and the length of the walk is the bound.
+    and the bound is the length of the walk, or that of the first search.
     """
     from .grid import build
     from .way_kernels import lengths_of_walks
@@ -81,7 +81,7 @@ def _find_simple(
         try:
             part, _ = ResourceLabelling().find(problem.lower(), most, request, least)
         except UnsupportedFormulation:
-            return whole
+            return replace(whole, status=OPEN)
         whole = replace(
             part,
             # Walks above the ceiling are unknown, so that no simple route up to it is no proof beyond it.

@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 import crosstrack as ct
+from crosstrack.errors import UnsupportedFormulation
 from crosstrack.instances.error_correction.generator import random_small, uniform_slab
 from crosstrack.models import ErrorCorrectionRouting
 from crosstrack.solvers import Request, find_backend
@@ -19,6 +20,7 @@ from crosstrack.solvers.error_correction.grid import build, reach
 from crosstrack.solvers.error_correction.steps import distances_to, remaining
 from crosstrack.solvers.error_correction.way_kernels import lengths_of_walks
 from crosstrack.solvers.resource_routing import network as arcs_of
+from crosstrack.solvers.resource_routing.labelling import ResourceLabelling
 
 PRINTED = ["two-stage", "pulse", "dynamic-programming"]
 EXACT = ["label-setting", *PRINTED]
@@ -130,16 +132,35 @@ def test_without_room_for_the_arcs_the_walk_is_the_bound(monkeypatch):
     assert "visits points twice" in answer.message
 
 
-def test_a_route_much_longer_than_the_walk_is_the_second_search():
-    """The spare hub lies aside, so that no simple route is within 2 % of the walk."""
+def spare_aside():
+    """Return a model whose spare hub lies aside, so that no simple route is within 2 % of the walk."""
     points = [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [1, -0.08, 0], [2.2, 0, 0]]
     kinds = ["A", "horizontal", "vertical", "horizontal", "B"]
-    model = ErrorCorrectionRouting(points, kinds, 1.6, 1.6, 1.6, 1.6, 1.79, delta=1.0)
+    return ErrorCorrectionRouting(points, kinds, 1.6, 1.6, 1.6, 1.6, 1.79, delta=1.0)
+
+
+def test_a_route_much_longer_than_the_walk_is_the_second_search():
+    model = spare_aside()
     walk = answered(replace(model, revisits=True))
     answer = answered(model)
     assert len(set(walk.point.route)) < len(walk.point.route)
     assert answer.primal_bound == pytest.approx(shortest_length(model), rel=1e-12)
     assert answer.primal_bound > 1.02 * walk.primal_bound
+
+
+def test_a_second_search_without_room_proves_nothing_beyond_the_first(monkeypatch):
+    find, limits = ResourceLabelling.find, []
+
+    def find_once(self, problem, cutoff, *rest):
+        limits.append(cutoff)
+        if len(limits) > 1:
+            raise UnsupportedFormulation("no room")
+        return find(self, problem, cutoff, *rest)
+
+    monkeypatch.setattr(ResourceLabelling, "find", find_once)
+    answer = answered(spare_aside())
+    assert limits[1] == math.inf
+    assert answer.termination == "no_solution" and answer.dual_bound == limits[0]
 
 
 @pytest.mark.parametrize("single", [(23,), tuple(range(20, 24)), tuple(range(24))])
