@@ -247,6 +247,13 @@ def test_the_automatic_delay_is_bounded_by_the_mean_period():
     ]
 
 
+def test_a_clean_map_keeps_the_embeddings_that_predict_it():
+    """Its error in eight coordinates is many times that in two; noise makes the errors similar."""
+    clean, noise = henon(1000), 0.1 * arma(1000, ())
+    few, many = (choose_embeddings(AttractorAnalysis(x), {})[0] for x in (clean, clean + noise))
+    assert few[0].dimension == 2 and len(few) < 5 <= len(many) <= 8
+
+
 def test_the_exponent_agrees_with_the_median_of_several_embeddings():
     _, answer = analysed("rosenstein", lorenz(3000, 0.05))
     figures, slope = answer.statistics, answer.point.exponent
