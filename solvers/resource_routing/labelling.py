@@ -30,7 +30,7 @@ FIRST, RISE, LAST = 0.004, 2.2, 8.0
 LEAST, GROWTH = 0.02, 4.0
 #: By how much the longest route of interest exceeds the known one, relative.
 MARGIN = 1e-9
-#: Number of points up to which cutting planes take longer than the search with plain bounds.
+#: Number of points up to which cutting planes and rising ceilings take longer than one search with plain bounds.
 TINY = 10
 #: Labels, beside four per point, after which multipliers are computed.
 LIGHT = 4000
@@ -193,7 +193,8 @@ def _under(
         ahead, via = bounds_by_way(critical)
         made = settled = rounds = 0
         below = proven = max(proven, float(ahead[net.start]))
-        share = FIRST if critical.size and 0 < abs(proven) < math.inf else LAST
+        has_ceiling = critical.size and len(rows) > TINY and 0 < abs(proven) < math.inf
+        share = FIRST if has_ceiling else LAST
         while True:
             floor = max(proven, longest)
             ceiling = min(cutoff, floor + abs(floor) * share) if share < LAST else cutoff
