@@ -29,8 +29,8 @@ class OrToolsRouting(FleetHeuristic):
     search starts from a solution whose empty vehicles receive the nodes that are cheapest to move.
     Capacity, battery, times and the features of rich fleets are dimensions, disjunctions and
     constraints of the library. Each reload and station has copies: one per node to visit in small fleets,
-    two per vehicle in large ones. Limits on the sum, the deviation and the range are checked but do not guide the
-    search, and for the makespan neither do departures later than the shift, with a limit on durations or releases.
+    two per vehicle in large ones. Limits on the sum, the deviation and the range only guide a stage
+    that finds a first plan. For the makespan, departures later than the shift do not guide the search, with a limit on durations or releases.
     """
 
     name = "ortools-routing"

@@ -161,7 +161,7 @@ class FleetHeuristic(FleetBackend):
         """Offer plans of simpler objectives until one is feasible, for limits that the search does not use.
 
         Without limits on the lengths and costs, the sum is minimised, and the longest route if the range or the
-        deviation is limited. OR-Tools rarely finds a first plan for the makespan, so it starts in the same way.
+        deviation is limited. OR-Tools may find no first plan for the makespan, so it starts in the same way.
         """
         problem, whole = best.problem, request.left() or request.options.get("seconds")
         rules = [rule for rule in RULES if rule.field in problem.limits]

@@ -1,12 +1,13 @@
 """Gap to the best known solution by class of rich fleets: backends, PyVRP called directly and VROOM, at equal CPU time.
 
 Each run is a process of its own with a limit on its CPU time, set-up included. A schedule checker that
-shares no code with the package checks each plan except those of PyVRP called directly. Results are appended to a
+shares no code with the package checks each plan. Solvers without a seed run once. Results are appended to a
 file, and runs found there are skipped, so that an interrupted campaign continues::
 
     python tests/benchmarks/fleet/rich_classes.py --seconds 30 --seeds 5
     python tests/benchmarks/fleet/rich_classes.py --files 1 --seconds 5 --only CVRP VRPTW
     python tests/benchmarks/fleet/rich_classes.py --files 1 --seconds 30 --write
+    python tests/benchmarks/fleet/rich_classes.py --seconds 30 --seeds 5 --stored --write  # starts no runs
 
 The files are those of ``../shared/data/fleet-vrplib``; each class prints the mean gap in per cent, and ``--write``
 writes the table "rich-classes" of ``docs/measured/fleet.json``. VROOM is the package ``pyvroom``.
@@ -22,6 +23,7 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator
+from datetime import timedelta
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -54,6 +56,8 @@ SOLVERS = {
     "ortools-routing": "`ortools-routing`",
     "vroom": "VROOM",
 }
+#: Solvers with a seed; the others run once.
+SEEDED = ("native", "pyvrp")
 #: Classes that VROOM's model contains.
 IN_VROOM = ("CVRP", "VRPTW", "MDVRPTW", "SDVRPTW", "HFVRP")
 #: Steps of VROOM's units per unit of length and time, and of its costs per unit of cost and length.
@@ -86,8 +90,22 @@ def run_native(path: Path, seed: int, seconds: float) -> dict[str, Any]:
     rounding = CLASSES[path.parent.name][2]
     data = pyvrp.read(path, rounding)
     result = pyvrp.solve(data, lambda _: time.process_time() > seconds, seed, collect_stats=False)
-    value = result.cost() / UNITS[rounding] if result.is_feasible() else None
-    return {"value": value, "work": result.num_iterations}
+    if not result.is_feasible():
+        return {"value": None}
+    model = read_model(path)
+    kinds = np.repeat(
+        np.arange(data.num_vehicle_types), [kind.num_available for kind in data.vehicle_types()]
+    )
+    free = {int(kind): iter(np.flatnonzero(kinds == kind)) for kind in np.unique(kinds)}
+    routes: list[list[int]] = [[] for _ in range(max(len(kinds), model.vehicles))]
+    for route in result.best.routes():
+        stops = list(route)[1:-1]
+        routes[next(free[route.vehicle_type()])] = [
+            (data.client if stop.is_client() else data.depot)(stop.idx).location for stop in stops
+        ]
+    checked = judge(model, model.with_schedule(routes[: model.vehicles]))
+    cost = result.cost() / UNITS[rounding]
+    return {"value": cost, "work": result.num_iterations, "faults": checked["faults"]}
 
 
 def read_model(path: Path) -> Any:
@@ -128,8 +146,8 @@ def run_backend(path: Path, name: str, seed: int, seconds: float) -> dict[str, A
     return judge(model, answer.plan) | {"work": work}
 
 
-def run_vroom(path: Path) -> dict[str, Any]:
-    """Run VROOM on one thread until it ends, which no seed changes; its CPU seconds are not limited."""
+def run_vroom(path: Path, seconds: float) -> dict[str, Any]:
+    """Run VROOM on one thread until it ends or its time limit, which counts waiting for a processor."""
     import vroom
 
     model, steps = read_model(path), VROOM_STEPS
@@ -176,7 +194,8 @@ def run_vroom(path: Path) -> dict[str, Any]:
                 skills=needed, time_windows=[] if span is None else [span],
             )
         )  # fmt: skip
-    answer = program.solve(exploration_level=LEVEL, nb_threads=1)
+    left = timedelta(seconds=max(0.0, seconds - time.process_time()))
+    answer = program.solve(exploration_level=LEVEL, nb_threads=1, timeout=left)
     if answer.summary.unassigned:
         return {"value": None, "message": f"{answer.summary.unassigned} nodes without a route"}
     routes: list[list[int]] = [[] for _ in range(model.vehicles)]
@@ -191,7 +210,7 @@ def run_one(path: Path, solver: str, seed: int, seconds: float) -> dict[str, Any
     if solver == "native":
         result = run_native(path, seed, seconds)
     elif solver == "vroom":
-        result = run_vroom(path)
+        result = run_vroom(path, seconds)
     else:
         result = run_backend(path, solver, seed, seconds)
     value = result["value"]
@@ -208,7 +227,8 @@ def jobs(options: argparse.Namespace) -> Iterator[tuple[Path, str, int]]:
                     (DATA / kind).glob("*.vrp"), key=lambda path: (path.stat().st_size, path)
                 )
                 for solver in options.solvers if place < len(files) else ():
-                    if solver != "vroom" or (kind in IN_VROOM and seed == 0):
+                    contained = solver != "vroom" or kind in IN_VROOM
+                    if contained and (seed == 0 or solver in SEEDED):
                         yield files[place], solver, seed
 
 
@@ -235,19 +255,24 @@ def report(rows: list[dict[str, Any]], seconds: float, write_table: bool) -> Non
                 cells[-1] = "refused"
         files = sorted({run["file"].split("/")[1] for run in runs})
         seeds = len({run["seed"] for run in runs})
-        rejected = sum(bool(run.get("faults")) for run in runs)
+        counts = {
+            name: sum(bool(run.get("faults")) for run in groups[kind, key])
+            for key, name in SOLVERS.items()
+        }
+        rejected = ", ".join(f"{count} of {name}" for name, count in counts.items() if count) or "0"
         table.append([kind, ", ".join(files), seeds, *cells, rejected])
         print(*table[-1], sep=" | ")
     if write_table:
         columns = {"class": "", "files": "", "seeds": "d"} | dict.fromkeys(SOLVERS.values(), "")
         said = (
             f"Mean gap to the best known solutions in per cent after {seconds:g} CPU seconds on one thread, set-up "
-            f"included. VROOM {vroom_version()} runs until it ends, its CPU seconds are in parentheses; an empty "
-            "cell is a class that it does not contain, or was not run. The last column counts the plans that an "
-            "independent schedule checker rejects."
+            "included. The seeds are those of PyVRP; OR-Tools and VROOM have none and run once per file. "
+            f"VROOM {vroom_version()} may end earlier, its CPU seconds are in parentheses; it limits the travel time of a "
+            "vehicle, not its duration. An empty cell is a class that it does not contain. The last column counts the "
+            "plans that an independent schedule checker rejects."
         )
         write(
-            "fleet", "rich-classes", str(HERE), columns | {"rejected": "d"}, table,
+            "fleet", "rich-classes", str(HERE), columns | {"rejected": ""}, table,
             ("pyvrp", "ortools"), said,
         )  # fmt: skip
 
@@ -268,6 +293,11 @@ def main() -> None:
     parser.add_argument("--files", type=int, default=99, help="files per class, the smallest first")
     parser.add_argument("--only", nargs="+", default=list(CLASSES), choices=list(CLASSES))
     parser.add_argument("--solvers", nargs="+", default=list(SOLVERS), choices=list(SOLVERS))
+    parser.add_argument(
+        "--stored",
+        action="store_true",
+        help="report the files with all seeds in the file of results",
+    )
     parser.add_argument("--write", action="store_true", help="write the table of the page")
     parser.add_argument(
         "--out", type=Path, default=HERE.parents[3] / "build" / "rich-classes.jsonl"
@@ -282,6 +312,14 @@ def main() -> None:
     lines = options.out.read_text().splitlines() if options.out.exists() else []
     rows = [row for row in map(json.loads, lines) if row["seconds"] == options.seconds]
     present = {(row["file"], row["solver"], row["seed"]) for row in rows}
+    if options.stored:
+        expected: dict[str, set[tuple[str, str, int]]] = defaultdict(set)
+        for path, solver, seed in jobs(options):
+            name = f"{path.parent.name}/{path.stem}"
+            expected[name].add((name, solver, seed))
+        rows = [row for row in rows if expected[row["file"]] <= present]
+        report(rows, options.seconds, options.write)
+        return
     for path, solver, seed in jobs(options):
         name = f"{path.parent.name}/{path.stem}"
         if (name, solver, seed) in present:

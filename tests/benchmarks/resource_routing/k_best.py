@@ -27,7 +27,7 @@ from crosstrack.instances.resource_routing import generate_network  # noqa: E402
 ROUTES = 10
 #: Points per side of the generated square networks, and their seeds.
 SIDES, SEEDS = (10, 20, 40), (2, 3)
-#: Number of measured calls, of which the shortest counts.
+#: Number of measured calls; the shortest counts.
 REPEATS = 5
 
 
