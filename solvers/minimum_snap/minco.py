@@ -92,13 +92,12 @@ class Search:
         self.segments = len(task.nodes)
         self.fine = task._replace(basis=basis(task.jets.shape[1], FINE + 1))
         self.iterations = self.evaluations = 0
-        count = len(task.offset)
-        self.vehicle, self.rows = (
-            np.zeros((self.segments, INSTANTS, 6)),
-            np.zeros((count, INSTANTS)),
-        )
+        #: Unknowns of the last call of :meth:`jets`, and its result.
+        self.last: tuple[Floats, tuple[Floats, float]] | None = None
+        self.vehicle = np.zeros((self.segments, INSTANTS, 6))
+        self.rows = np.zeros((len(task.offset), INSTANTS))
         #: Margins of the limits of each segment and of the rows, for peaks between instants.
-        self.margins = np.zeros((self.segments, 6)), np.zeros(count)
+        self.margins = np.zeros((self.segments, 6)), np.zeros(len(task.offset))
 
     @property
     def durations(self) -> Floats:
@@ -108,6 +107,8 @@ class Search:
 
     def jets(self) -> tuple[Floats, float]:
         """Return the derivatives at the nodes (NaN on failure) and the effort."""
+        if self.last is not None and np.array_equal(self.last[0], self.x):
+            return self.last[1]
         nodes, r, dimensions = self.task.jets.shape
         jets = np.zeros((nodes, r, dimensions))
         positions(self.task, self.x, jets)
@@ -116,7 +117,9 @@ class Search:
         if not spline(self.task, self.durations, jets, form, change, band):
             jets[:] = np.nan
         local = jets[self.task.nodes].reshape(self.segments, 2 * r, dimensions)
-        return jets, float(np.einsum("kad,kab,kbd->", local, form, local))
+        effort = float(np.einsum("kad,kab,kbd->", local, form, local))
+        self.last = self.x.copy(), (jets, effort)
+        return self.last[1]
 
     def excess(self, task: Task) -> tuple[Floats, Floats]:
         """Return the excesses of limits and rows at the instants of `task`; infinite on failure."""
@@ -305,12 +308,10 @@ def fastest(
     if jets is None:
         jets = np.full((count, order, dimensions), np.inf)
         jets[[0, -1], 1:] = 0.0
-    if rows is None:
-        none = np.empty(0)
-        rows = Rows(none.astype(int), none.astype(int), np.empty((0, dimensions)), none, none)
-    if polytopes:
-        more = Rows.of_polytopes(polytopes, SIZE * length)
-        rows = Rows(*(np.concatenate(pair) for pair in zip(rows, more, strict=True)))
+    none = np.empty((0, dimensions)), np.empty(0)
+    more = Rows.of_polytopes(polytopes or [none], SIZE * length)
+    parts = [more] if rows is None else [rows, more]
+    rows = Rows(*(np.concatenate(part) for part in zip(*parts, strict=True)))
     if weights is None:
         weights = np.eye(order)[-1]
     task = posed(regions, jets, rows, np.asarray(limits, float), weights, periodic, INSTANTS)

@@ -78,14 +78,12 @@ class Minco(Backend):
             points = np.concatenate([ends[0], ends[1][-1:]])
             durations = np.array(request.warm_start.durations)
         length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).mean()) or 1.0
-        jets = np.array(problem.unit.jets)
         weighted = problem.minimise is Minimise.WEIGHTED
-        vehicle = problem.vehicle
         result = fastest(
             points,
-            limits_of(vehicle),
+            limits_of(problem.vehicle),
             regions=_regions(problem, points, length),
-            jets=jets,
+            jets=np.array(problem.unit.jets),
             rows=_rows(problem, length),
             weights=np.array(problem.order_weights),
             time_weight=problem.time_weight if weighted else None,
@@ -168,8 +166,8 @@ def _pressed(problem: TimeAllocation, plan: Trajectory) -> float:
             near |= (at > NEAR).any(axis=1)
     vehicle = problem.vehicle
     if vehicle is not None:
-        series = extended(plan, yaw_of(problem.unit, plan), vehicle.follows_path)
-        motion = series.on(segment, s, 4)
+        yaw = yaw_of(problem.unit, plan)
+        motion = extended(plan, yaw, vehicle.follows_path).on(segment, s, 4)
         for measure in vehicle.measures:
             value = measure.value(measure.function(motion).terms[0])
             share = value / measure.limit if measure.is_upper else measure.limit / value

@@ -6,6 +6,8 @@ from flight.flights import RING, around
 
 import crosstrack as ct
 from crosstrack.errors import InvalidData, UnsupportedFormulation, UnsupportedOption
+from crosstrack.solvers.flight import replanning
+from crosstrack.solvers.minimum_snap import minco
 
 
 def test_replans_along_the_way_and_keeps_the_limits():
@@ -39,6 +41,37 @@ def test_replans_from_a_disturbed_state_and_outside_the_corridor():
         prepared.replan([np.nan, 0.0])
     with pytest.raises(InvalidData, match="obstacle"):
         prepared.replan([5.0, 0.0])
+
+
+@pytest.mark.parametrize(("middle", "kept"), [(-0.01, False), (-0.03, True)])
+def test_a_replan_is_checked_between_instants(monkeypatch, middle, kept):
+    prepared = ct.prepare(around())
+    last = prepared._last
+
+    def measure(task, durations, jets, vehicle, rows):
+        vehicle[:], rows[:] = -1.0, -1.0
+        rows[-1, 7:10] = (
+            -0.3,
+            middle,
+            -0.05,
+        )  # the parabola is 0.024 or 0.027 higher than its middle
+
+    monkeypatch.setattr(replanning, "measure", measure)
+    assert prepared._keeps(last.durations, last.jets()[0], np.arange(last.segments)) is kept
+
+
+def test_a_search_computes_its_derivatives_once_per_unknowns(monkeypatch):
+    search = ct.prepare(around())._last
+    calls = []
+    spline = minco.spline
+    monkeypatch.setattr(minco, "spline", lambda *given: calls.append(1) or spline(*given))
+    search.last = None
+    before = search.jets()
+    assert search.jets() is before and len(calls) == 1
+    search.stretch(1.1)
+    after = search.jets()
+    assert len(calls) == 2 and after[1] < before[1]
+    np.testing.assert_array_equal(after[0][:, 0], before[0][:, 0])
 
 
 def test_a_replan_returns_to_the_last_plan_if_the_search_fails(monkeypatch):
