@@ -46,6 +46,8 @@ VERTICES = 8
 
 #: Time between two attitudes for the averaged body rate, s.
 AVERAGED = 0.05
+#: Times over which the progress of toppra's motion is averaged, s.
+WINDOWS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.8)
 
 
 class Track(NamedTuple):
@@ -196,6 +198,19 @@ def attitudes(acceleration: Floats, apart: int = 1) -> tuple[Floats, Floats, Flo
     return force, size, axis, 2.0 * np.arcsin(np.minimum(np.linalg.norm(turn, axis=1), 1.0))
 
 
+def usage(velocity: Floats, acceleration: Floats, step: float) -> tuple[float, ...]:
+    """Return the largest speed, thrust, lowest thrust, tilt and body rate relative to their limits."""
+    _, size, axis, angle = attitudes(acceleration)
+    low, high = QUAD.thrust
+    return (
+        float(np.linalg.norm(velocity, axis=1).max()) / QUAD.speed,
+        float(size.max()) / high,
+        low / float(size.min()),
+        float(np.arccos(np.clip(axis[:, 2], -1.0, 1.0)).max()) / QUAD.tilt,
+        float(angle.max()) / step / QUAD.body_rate,
+    )
+
+
 def fly(plan: Trajectory, track: Track | None, rate: float = 10_000.0) -> Flight:
     """Simulate the flight at `rate` Hz from the commands of thrust and attitude.
 
@@ -205,8 +220,8 @@ def fly(plan: Trajectory, track: Track | None, rate: float = 10_000.0) -> Flight
     steps = int(np.ceil(plan.duration * rate))
     t = plan.times[0] + plan.duration * np.arange(steps + 1) / steps
     step = plan.duration / steps
-    force, size, axis, angle = attitudes(_derivative(plan, t, 2))
-    pushed = force / QUAD.mass - np.array([0.0, 0.0, QUAD.gravity])
+    acceleration = _derivative(plan, t, 2)
+    pushed = attitudes(acceleration)[0] / QUAD.mass - np.array([0.0, 0.0, QUAD.gravity])
     speed = (
         np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (pushed[1:] + pushed[:-1]), axis=0)])
         * step
@@ -216,7 +231,6 @@ def fly(plan: Trajectory, track: Track | None, rate: float = 10_000.0) -> Flight
         np.concatenate([np.zeros((1, 3)), np.cumsum(0.5 * (speed[1:] + speed[:-1]), axis=0)]) * step
     )
     path += _derivative(plan, t[:1], 0)
-    low, high = QUAD.thrust
     apart = 0.0
     if track is not None:
         pieces = plan.segments // (len(track.gates) + 1)
@@ -234,28 +248,84 @@ def fly(plan: Trajectory, track: Track | None, rate: float = 10_000.0) -> Flight
             outside = np.einsum("ij,ij->i", point - polygon, outward).max()
             apart = max(apart, abs(float((point - centre) @ normal)), float(outside))
     goal = _derivative(plan, t[-1:], 0)[0]
-    return Flight(
-        float(np.linalg.norm(speed, axis=1).max()) / QUAD.speed,
-        float(size.max()) / high,
-        low / float(size.min()),
-        float(np.arccos(np.clip(axis[:, 2], -1.0, 1.0)).max()) / QUAD.tilt,
-        float(angle.max()) / step / QUAD.body_rate,
-        apart,
-        float(np.linalg.norm(path[-1] - goal)),
-    )
+    drift = float(np.linalg.norm(path[-1] - goal))
+    return Flight(*usage(speed, acceleration, step), apart, drift)
 
 
 # -- toppra ------------------------------------------------------------------------------------------
 
 
+class Arc:
+    """The path of a plan by its length, m, with tangent and curvature."""
+
+    def __init__(self, plan: Trajectory, samples: int = 1000) -> None:
+        self.spline = plan.to_ppoly()
+        steps = samples * plan.segments
+        # The curvature is not finite at rest: the first and the last instants are left out.
+        rest = 1e-4 * plan.duration
+        self.times = np.linspace(plan.times[0] + rest, plan.times[-1] - rest, steps + 1)
+        paces = np.linalg.norm(self.spline(self.times, nu=1), axis=1)
+        ways = 0.5 * (paces[1:] + paces[:-1]) * np.diff(self.times)
+        self.lengths = np.append(0.0, np.cumsum(ways))
+
+    def lengths_at(self, times: Floats) -> Floats:
+        """Return the lengths at instants of the plan."""
+        lengths: Floats = np.interp(times, self.times, self.lengths)
+        return lengths
+
+    def __call__(self, length: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the points, tangents and curvatures at lengths along the path."""
+        t = np.interp(length, self.lengths, self.times)
+        first, second = self.spline(t, nu=1), self.spline(t, nu=2)
+        pace = np.linalg.norm(first, axis=1)[:, None]
+        tangent = first / pace
+        across = second - (second * tangent).sum(axis=1)[:, None] * tangent
+        return self.spline(t), tangent, across / pace**2
+
+
+class Progress:
+    """Motion s(t) along a path, with the second derivative constant between two points of a grid."""
+
+    def __init__(self, grid: Floats, pace: Floats) -> None:
+        self.grid, self.pace = grid, pace
+        lasting = 2.0 * np.diff(grid) / np.maximum(pace[1:] + pace[:-1], 1e-12)
+        self.times = np.append(0.0, np.cumsum(lasting))
+        self.bend = np.diff(pace**2) / (2.0 * np.diff(grid))
+        areas = grid[:-1] * lasting + pace[:-1] * lasting**2 / 2.0 + self.bend * lasting**3 / 6.0
+        self.areas = np.append(0.0, np.cumsum(areas))
+
+    def __call__(self, t: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return the integral of s, s and its two derivatives; the motion rests before and after."""
+        inside = np.clip(t, 0.0, self.times[-1])
+        at = np.clip(np.searchsorted(self.times, inside, side="right") - 1, 0, len(self.bend) - 1)
+        since = inside - self.times[at]
+        s, pace, bend = self.grid[at], self.pace[at], self.bend[at]
+        area = self.areas[at] + s * since + pace * since**2 / 2.0 + bend * since**3 / 6.0
+        area += (t < 0.0) * t * self.grid[0] + np.maximum(t - self.times[-1], 0.0) * self.grid[-1]
+        moves = t == inside
+        position = s + pace * since + bend * since**2 / 2.0
+        return area, position, moves * (pace + bend * since), moves * bend
+
+    def averaged(self, t: Floats, window: float) -> tuple[Floats, Floats, Floats]:
+        """Return the mean of s over the last `window` seconds and its two derivatives.
+
+        The path remains the same, and the jumps of the second derivative become ramps.
+        """
+        now, before = self(t), self(t - window)
+        s, pace, bend = ((now[k] - before[k]) / window for k in range(3))
+        return s, pace, bend
+
+
 class Retimed(NamedTuple):
-    """Duration of toppra's motion, s, and its largest body rates relative to the limit."""
+    """Durations of toppra's motions, s, and the largest body rates of the first relative to the limit."""
 
     duration: float
     #: Largest angle between two instants of the simulation, over the angle that the limit allows.
     body_rate: float
     #: The same, between instants AVERAGED s apart.
     averaged: float
+    #: Duration of the motion that keeps all limits in the simulation.
+    within: float
 
 
 def retime(plan: Trajectory, points: int = 60, directions: int = 300) -> Retimed | None:
@@ -263,7 +333,9 @@ def retime(plan: Trajectory, points: int = 60, directions: int = 300) -> Retimed
 
     It has the limits of speed, largest thrust and tilt. The cones of thrust and tilt are replaced by
     planes that touch them, which is a relaxation. It has no limit of the lowest thrust, which is not
-    convex, or of the body rate, which depends on the jerk.
+    convex, or of the body rate, which depends on the jerk. Its duration is therefore a lower bound for
+    every motion along the path, but for the error of the grid. The motion within the limits is that of
+    toppra with its progress averaged over the best of WINDOWS, and slowed down uniformly.
     """
     import toppra
     from toppra.constraint import ConstraintType, DiscretizationType, LinearConstraint
@@ -295,39 +367,50 @@ def retime(plan: Trajectory, points: int = 60, directions: int = 300) -> Retimed
             bound = np.stack([np.zeros(len(square)), QUAD.speed**2 / square], axis=1)
             return first, second, np.zeros_like(first), planes, most, None, bound
 
-    spline = plan.to_ppoly()
+    curve = Arc(plan)
 
     class Path(toppra.interpolator.AbstractGeometricPath):
         dof = 3
-        path_interval = np.array([plan.times[0], plan.times[-1]])
+        path_interval = np.array([0.0, curve.lengths[-1]])
 
-        def __call__(self, s: Any, order: int = 0) -> Any:
-            s = np.clip(s, *self.path_interval)
-            return spline(s, nu=order)
+        def __call__(self, way: Any, order: int = 0) -> Any:
+            return curve(way)[order]
 
     inner = [
         np.linspace(a, b, points, endpoint=False)
         for a, b in zip(plan.times, plan.times[1:], strict=False)
     ]
-    grid = np.append(np.concatenate(inner), plan.times[-1])
+    grid = curve.lengths_at(np.append(np.concatenate(inner), plan.times[-1]))
     solver = toppra.algorithm.TOPPRA([Limits()], Path(), gridpoints=grid, solver_wrapper="seidel")
     _, speed, _ = solver.compute_parameterization(0.0, 0.0)
     if speed is None or not np.isfinite(speed).all():
         return None
-    times = np.append(
-        0.0, np.cumsum(2.0 * np.diff(grid) / np.maximum(speed[1:] + speed[:-1], 1e-12))
-    )
-    # The second derivative of s by time is constant between two points of the grid.
-    t = np.arange(0.0, times[-1], 1e-4)
-    at = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(grid) - 2)
-    bend = (np.diff(speed**2) / (2.0 * np.diff(grid)))[at]
-    since = t - times[at]
-    s = grid[at] + speed[at] * since + 0.5 * bend * since**2
-    pace = (speed[at] + bend * since)[:, None]
-    acceleration = spline(s, nu=1) * bend[:, None] + spline(s, nu=2) * pace**2
+    progress = Progress(grid, speed)
+
+    def motion(window: float, step: float) -> tuple[Floats, Floats]:
+        """Return the velocity and the acceleration along the path at instants `step` apart."""
+        t = np.arange(0.0, progress.times[-1] + window, step)
+        s, pace, bend = progress.averaged(t, window) if window else progress(t)[1:]
+        _, tangent, curvature = curve(s)
+        return pace[:, None] * tangent, bend[:, None] * tangent + (pace**2)[:, None] * curvature
+
+    def slowing(window: float, step: float, high: float = 1e3) -> float:
+        """Return the least uniform slowing, to 1e-4, that keeps the limits; at most `high`."""
+        velocity, acceleration = motion(window, step)
+        low = 1.0
+        while high - low > 1e-4 * low:
+            middle = min(0.5 * (low + high), 1.1 * low)
+            kept = max(usage(velocity / middle, acceleration / middle**2, middle * step)) <= 1.0
+            low, high = (low, middle) if kept else (middle, high)
+        return high
+
+    duration = float(progress.times[-1])
+    within = min((slowing(window, 1e-3) * (duration + window), window) for window in WINDOWS)
+    window = within[1]
+    acceleration = motion(0.0, 1e-4)[1]
     instants = round(AVERAGED / 1e-4)
     rates = [
         float(attitudes(acceleration, apart)[3].max()) / (apart * 1e-4) / QUAD.body_rate
         for apart in (1, instants)
     ]
-    return Retimed(float(times[-1]), *rates)
+    return Retimed(duration, *rates, slowing(window, 1e-4) * (duration + window))
