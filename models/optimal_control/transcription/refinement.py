@@ -216,8 +216,8 @@ def next_meshes(
             # Finer intervals that are as inaccurate as before: cutting does not help against noise of controls on a
             # singular arc, and a degree does not help against a violation at an end, which is no node.
             stays = _unimproved(mesh, report, former.meshes[k], former.errors[k])
-            is_noise = (report.tails <= NOISE) & (report.decays < SMOOTH)
-            restless = restless | (stays & is_noise)
+            restless = restless | (stays & (report.tails <= NOISE) & (report.decays < SMOOTH))
+            stays &= report.worst > report.errors
         if rules.fixed_degree is not None:
             restless = np.zeros_like(restless)
         released = mesh.calm & (strains[k] > RELEASED * tolerance * size)
@@ -365,7 +365,7 @@ def _refine(
     """Return a finer mesh of one phase, and a description of the action.
 
     Controls are held calm in `restless` intervals with a large error, until they are `released`. The degree does
-    not rise if the error `stays`.
+    not rise if a violation `stays`.
     """
     done: Counter[str] = Counter()
     cuts: list[float] = [0.0]
