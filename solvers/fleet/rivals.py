@@ -167,7 +167,7 @@ class FleetHeuristic(FleetBackend):
         rules = [rule for rule in RULES if rule.field in problem.limits]
         measures = ["sum"] * (problem.objective is Objective.MAKESPAN)
         measures += ["sum" if rule.measure == "sum" else "max" for rule in rules]
-        fields = dict.fromkeys((*(rule.field for rule in rules), *COSTS))
+        fields: dict[str, Any] = dict.fromkeys((*(rule.field for rule in rules), *COSTS))
         prizes = None if problem.prizes is None else 0.0 * problem.prizes
         for measure in dict.fromkeys(measures):
             objective = measure if prizes is None else "cost"
