@@ -35,8 +35,8 @@ Floats = NDArray[np.float64]
 _BETTER = 0.95
 #: Ratio of the noise of the drive to that of the training drives up to which a tyre curve learned from them is used.
 _NOISIER = 2.0
-#: Ratio of the filter's deviation to its largest one on the training drives above which the tyre curve does not correct its error.
-_DOUBTFUL = 10.0
+#: Quantile of the filter's deviation on the training drives above which the deviation of the tyre curve grows in proportion.
+_USUAL = 0.95
 #: Relative change of the mass since the training drives whose effect is named, and the smallest effect, rad.
 LOAD, LEAST_EFFECT = 0.1, math.radians(0.1)
 #: Factor on a deviation above which a message names the reason.
@@ -127,8 +127,8 @@ class KalmanGrnn(_Learning):
     is that of the GRNN. It is scaled up if the filter's deviation exceeds its median on the training drives.
     If least squares on the features of a tyre curve, see :func:`~crosstrack.solvers.sideslip.learning.curve_features`, has a
     smaller error on drives left out, it corrects the filter instead. Real tyres and noisy sensors need it.
-    The deviation is then calibrated on drives left out, and wider near samples where kinematics contradicts the angle more
-    than on the training drives.
+    The deviation is then calibrated on drives left out. It grows with that of the filter beyond its 95 % quantile on the training
+    drives, and near samples where kinematics contradicts the angle more than there.
     A run that is stopped before the training ends returns the estimate of the filter; a run that is stopped
     before the filter ends returns that of `linear-regression`.
     """
@@ -173,10 +173,9 @@ class KalmanGrnn(_Learning):
                 # Kernel and curve estimate the same error. They differ at inputs that the training drives lack.
                 apart = 0.5 * np.abs(here.sideslip + near * error - angle)
                 apart += (1.0 - near) * learned.spread
-                # A filter that is far less sure than on all training drives has errors that they lack.
-                most = _DOUBTFUL * usual.max()
-                unsure = np.sqrt(np.maximum(here.deviation**2 - most**2, 0.0))
-                claimed = np.hypot(curved.deviation, np.hypot(apart, unsure))
+                # A filter that is less sure than on the training drives has errors that they lack.
+                unsure = np.maximum(here.deviation / np.quantile(usual, _USUAL), 1.0)
+                claimed = unsure * np.hypot(curved.deviation, apart)
                 deviation, message = widen_near(problem, angle, claimed)
                 message = "; ".join(filter(None, (message, name_unseen_load(problem, deviation))))
                 return curved._replace(sideslip=angle, deviation=deviation, message=message)

@@ -7,6 +7,7 @@ import pytest
 from sideslip.drives import CAR
 from sideslip.two_track import SCENARIOS, drive
 
+import crosstrack as ct
 from crosstrack.errors import InvalidData
 from crosstrack.instances.sideslip import read_recording
 from crosstrack.models import SideslipEstimation
@@ -220,6 +221,14 @@ def test_the_claim_of_the_tyre_curve_contains_a_filter_that_has_lost_the_angle()
     assert problem.coverage(result.point) >= 0.8
     # The smoother replaces the spike.
     assert problem.verify(answer(problem, "smoother-grnn").point).objective < 0.1
+
+
+def test_the_claim_of_the_tyre_curve_grows_with_that_of_the_filter():
+    """On ice the filter is less sure than on the dry road of the training drives."""
+    ice = ct.load("sideslip/ice")
+    result = answer(ice)
+    assert result.statistics["tyre curve"] == 1.0
+    assert ice.coverage(result.point) >= 0.92
 
 
 def test_size_of_errors_falls_with_the_speed():
