@@ -25,8 +25,8 @@ SLOW = 5.0
 SENSORS, SPIKE, LEAST = ("yaw_rate", "lateral_acceleration"), 14.0, 100
 #: Least duration (s) and number of repetitions of a value by a stuck sensor, and share of other repetitions above which it is rounded.
 STUCK, REPEATS, ROUNDED = 1.0, 20, 0.1
-#: Range of a sensor in turns, in deviations of its noise.
-TURNS = 20.0
+#: Least range of the difference ``a - u ω`` in a drive with turns if one sensor never changes: in deviations of the noise, and m/s².
+TURNS, LEAST_TURN = 20.0, 1.0
 
 
 @np.errstate(over="ignore")  # an overflow gives an infinite error, which is no valid objective
@@ -98,14 +98,17 @@ def stuck_samples(recording: Recording) -> NDArray[np.bool_]:
     """Return the samples in motion at which each sensor repeats a value for a second or more, shape (2, n).
 
     A sensor without noise, or one that often repeats its value because it is rounded, is not stuck. One that never changes is
-    stuck if the range of the other one is that of turns.
+    stuck if the other one shows turns.
     """
     result = np.zeros((2, len(recording)), bool)
     noises = sensor_noises(recording)
-    ranges = np.array([np.ptp(getattr(recording, name)) for name in SENSORS])
-    turns = ranges[::-1] > TURNS * noises[::-1]
-    for row, name, noise, dead in zip(result, SENSORS, noises, turns & (ranges == 0), strict=True):
-        same = np.diff(getattr(recording, name)) == 0.0
+    # In a steady turn a = u ω. A constant value is a fault only if the difference varies. Quantiles exclude spikes.
+    speed, values = recording.speed, [getattr(recording, name) for name in SENSORS]
+    apart = np.ptp(np.quantile((values[1] - speed * values[0])[recording.moving], (0.01, 0.99)))
+    turns = apart > max(TURNS * np.hypot(speed.max() * noises[0], noises[1]), LEAST_TURN)
+    for row, series, noise in zip(result, values, noises, strict=True):
+        same = np.diff(series) == 0.0
+        dead = turns and same.all()
         first, last = np.flatnonzero(np.diff(np.pad(same, 1).astype(int))).reshape(-1, 2).T
         times = recording.times
         long = (times[last] - times[first] >= STUCK) & (last - first >= REPEATS)

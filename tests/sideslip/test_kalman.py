@@ -387,6 +387,25 @@ def test_a_quiet_sensor_on_a_straight_road_is_not_stuck() -> None:
     assert not stuck_samples(straight).any()
 
 
+@pytest.mark.parametrize("name", ["yaw_rate", "lateral_acceleration"])
+def test_a_constant_value_that_agrees_with_the_other_sensor_is_not_stuck(name: str) -> None:
+    """On a circle without noise yaw rate or acceleration may be constant while the speed rises."""
+    drive = generate(drivers=0).recording
+    speed = np.linspace(8.0, 20.0, len(drive))
+    circle = {"yaw_rate": 4.0 / speed, "lateral_acceleration": 0.3 * speed}
+    circle[name] = np.full(len(drive), 0.3 if name == "yaw_rate" else 4.0)
+    steady = dataclasses.replace(drive, speed=speed, **circle)
+    assert without_faults(steady) is steady
+
+
+def test_a_spike_on_a_straight_road_is_no_turn() -> None:
+    drive = generate(drivers=0).recording
+    side = 0.05 * np.random.default_rng(0).normal(size=len(drive))
+    side[100] = 90.0
+    straight = dataclasses.replace(drive, yaw_rate=0.0 * side, lateral_acceleration=side)
+    assert not stuck_samples(straight).any()
+
+
 def test_short_repetitions_and_rounded_values_are_not_stuck() -> None:
     drive = generate(drivers=0).recording
     side = drive.lateral_acceleration.copy()
