@@ -80,12 +80,11 @@ def shortest_ways(blocked: Truths, targets: Ints) -> Lengths:
 
     The entries of cells without a path are :data:`~crosstrack.models.unknown_grid.moving.FAR`.
     """
+    # The frames separate the maps, so that one search treats them all.
     walls = np.pad(blocked, ((0, 0), (1, 1), (1, 1)), constant_values=True).astype(np.uint8)
-    width, goals = walls.shape[2], targets + 1
-    ways = [
-        spread(Grid(cells.reshape(-1), width, _MOVES @ [width, 1], 0), goal @ [[width], [1]])
-        for cells, goal in zip(walls, goals, strict=True)
-    ]
+    _, rows, width = walls.shape
+    goals = np.arange(len(walls)) * rows * width + (targets + 1) @ [width, 1]
+    ways = spread(Grid(walls.reshape(-1), width, _MOVES @ [width, 1], 0), goals)
     return np.reshape(ways, walls.shape)[:, 1:-1, 1:-1]
 
 
