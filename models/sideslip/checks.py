@@ -103,17 +103,16 @@ def stuck_samples(recording: Recording) -> NDArray[np.bool_]:
     result = np.zeros((2, len(recording)), bool)
     noises = sensor_noises(recording)
     # In a steady turn a = u ω. A constant value is a fault only if the difference varies. Quantiles exclude spikes.
-    speed, values = recording.speed, [getattr(recording, name) for name in SENSORS]
+    speed, times = recording.speed, recording.times
+    values = [getattr(recording, name) for name in SENSORS]
     apart = np.ptp(np.quantile((values[1] - speed * values[0])[recording.moving], (0.01, 0.99)))
     turns = apart > max(TURNS * np.hypot(speed.max() * noises[0], noises[1]), LEAST_TURN)
     for row, series, noise in zip(result, values, noises, strict=True):
         same = np.diff(series) == 0.0
-        dead = turns and same.all()
         first, last = np.flatnonzero(np.diff(np.pad(same, 1).astype(int))).reshape(-1, 2).T
-        times = recording.times
         long = (times[last] - times[first] >= STUCK) & (last - first >= REPEATS)
         others = np.count_nonzero(same) - (last - first)[long].sum()
-        if (noise > 0.0 or dead) and others <= ROUNDED * len(same):
+        if (noise > 0.0 or (turns and same.all())) and others <= ROUNDED * len(same):
             for begin, end in zip(first[long], last[long], strict=True):
                 row[begin : end + 1] = recording.moving[begin : end + 1]
     return result

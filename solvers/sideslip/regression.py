@@ -163,9 +163,8 @@ class KalmanGrnn(_Learning):
         if result is None:
             return _uncorrected(here, base)
         error, deviation, near = result
-        usual = np.concatenate(
-            [entry.deviation[d.moving] for d, entry in zip(problem.training, there, strict=True)]
-        )
+        on = [drive.moving for drive in problem.training]
+        usual = np.concatenate([e.deviation[k] for e, k in zip(there, on, strict=True)])
         if _noise_ratio(problem) <= _NOISIER:
             curved = _correct_by_curve(problem, examples, filtered, _BETTER * learned.error)
             if curved is not None:
