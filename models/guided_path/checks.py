@@ -74,15 +74,16 @@ def _check_windows(
 ) -> list[Check]:
     """Return the checks of the latest begin of each service and of the end of the tour."""
     late = walk.begin - windows[walk.stops, 1]
-    scales, noise = time_scales(windows)
-    scales = np.maximum(scales[walk.stops], 1e-300)
+    scales, noise = (values[walk.stops] for values in time_scales(windows))
+    scales = np.maximum(scales, 1e-300)
     return [
         Check.largest(
             "begin within the time window", late[1:-1], scales[1:-1], "s",
-            lambda k: f"customer {model.label(walk.stops[k + 1])}", tolerance, noise=noise,
+            lambda k: f"customer {model.label(walk.stops[k + 1])}", tolerance,
+            noise=noise[1:-1],
         ),
         Check.largest(
             "end of the tour in time", late[-1:], scales[-1:], "s", "end of the tour", tolerance,
-            noise=noise,
+            noise=noise[-1:],
         ),
     ]  # fmt: skip

@@ -78,14 +78,15 @@ def walk_of(model: GuidedPathData, plan: GuidedPathPlan) -> Walk:
     return Walk(order, vehicles, places, np.cumsum(moved), positions, begin, load)
 
 
-def time_scales(windows: Floats) -> tuple[Floats, float]:
-    """Return the scale of each latest time, and the rounding of sums of times, in s.
+def time_scales(windows: Floats) -> tuple[Floats, Floats]:
+    """Return the scale of each latest time, and the rounding of a sum of times up to it, in s.
 
     The scale is the time from the departure, so a shift of all times does not change what is accepted.
     """
-    since = np.abs(windows[:, 1] - windows[0, 0])
-    finite = np.abs(windows[np.isfinite(windows)])
-    return np.where(since < np.inf, since, 0.0), len(windows) * float(np.spacing(finite.max()))
+    departure, latest = windows[0, 0], windows[:, 1]
+    since, most = np.abs(latest - departure), np.maximum(np.abs(latest), abs(departure))
+    since, most = (np.where(since < np.inf, values, 0.0) for values in (since, most))
+    return since, len(windows) * np.spacing(most)
 
 
 def labels_of(model: GuidedPathData, walk: Walk) -> list[str]:

@@ -299,10 +299,11 @@ def test_a_short_limit_keeps_a_simple_plan(fields):
     assert model.verify(answer.point).ok
 
 
-def test_other_times_do_not_loosen_a_latest_time_of_zero():
-    model = GuidedPathTour(
-        [0, 0.1, 1], speed=1.0, windows=[[0, None], [0, 0], [-3e5, 1e6]], chains=[[1, 2]]
-    )
+@pytest.mark.parametrize("other", [1e6, 1e18])
+@pytest.mark.parametrize("latest", [0.0, 0.05])
+def test_other_times_do_not_loosen_a_latest_time(latest, other):
+    windows = [[0, None], [0, latest], [-3e5, other]]
+    model = GuidedPathTour([0, 0.1, 1], speed=1.0, windows=windows, chains=[[1, 2]])
     assert not model.verify(GuidedPathPlan((1, 2))).ok
     assert run(model).termination == "infeasible"
 
