@@ -27,7 +27,7 @@ from ...jit import clock
 from ...models.fleet import FleetPlan, FleetRouting, Objective
 from ...models.fleet.checks import LIMITS
 from ...timing import OutOfTime
-from ..contract.backend import Answer, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import Answer, Feature, Guarantee, Option, Request, Termination
 from .bound import lower_bound, trip_bound
 from .fleet_search import FleetSearch
 from .pyvrp_routing import PyVrpRouting
@@ -116,8 +116,7 @@ class ColumnGeneration(FleetBackend):
             termination = Termination.OPTIMAL
         else:
             termination = Termination.NO_SOLUTION if plan is None else Termination.FEASIBLE
-            if request.control.stopped or request.left() == 0.0:
-                limit = request.control.reason or Limit.TIME
+            limit = request.limit
         return Answer(
             termination, limit, plan, None if plan is None else search.value, bound,
             seconds={"solve": clock() - begin}, statistics=search.statistics,

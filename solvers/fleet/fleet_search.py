@@ -15,7 +15,7 @@ from ...jit import clock
 from ...models.fleet import FleetPlan, FleetRouting
 from ...models.fleet.checks import loads_of, objective_of
 from ...models.fleet.data import LARGE, Metric
-from ..contract.backend import Answer, Feature, Guarantee, Limit, Option, Request, Termination
+from ..contract.backend import Answer, Feature, Guarantee, Option, Request, Termination
 from .bound import lower_bound, trip_bound
 from .candidate import PENALTY, Candidate, scaled
 from .decomposition import SIZE, Parts
@@ -132,7 +132,7 @@ class _Search:
             if self.begin():
                 with ThreadPoolExecutor(threads) as pool:
                     self.search(pool)
-        limit = request.control.limit or (Limit.TIME if request.left() == 0.0 else None)
+        limit = request.limit
         statistics = {"steps": self.steps, "rounds": self.rounds}
         seconds = {"solve": clock() - begin, "bound": self.proving}
         if self.best is None:
@@ -149,7 +149,7 @@ class _Search:
     @property
     def must_stop(self) -> bool:
         """Whether a stop was requested or the time limit is reached."""
-        return self.request.control.stopped or self.request.left() == 0.0
+        return self.request.limit is not None
 
     @property
     def within_gap(self) -> bool:

@@ -100,7 +100,7 @@ class AStar(LineBackend):
             search.solve()
         except OutOfTime:  # before the tables were complete
             request.control.stop(Limit.TIME)
-        limit = None if search.proven else request.control.reason or search.limit
+        limit = None if search.proven else request.limit or search.limit
         return Answer(
             Termination.OPTIMAL if search.proven else Termination.FEASIBLE,
             limit,
@@ -171,9 +171,7 @@ class _Search:
     @property
     def over(self) -> bool:
         """True if the incumbent is proven or a limit is reached."""
-        if self.request.left() == 0.0:
-            self.limit = Limit.TIME
-        return self.proven or self.control.stopped or self.limit is Limit.TIME
+        return self.proven or self.request.limit is not None
 
     def statistics(self) -> dict[str, float | int | str]:
         """Return the statistics of the search."""

@@ -109,7 +109,7 @@ class TrackSearch(Backend):
             status = Termination.INFEASIBLE if search.exact else Termination.NO_SOLUTION
         else:
             status = Termination.OPTIMAL if done else Termination.FEASIBLE
-        limit = None if done else search.limit or Limit.MEMORY
+        limit = None if done else request.limit or Limit.MEMORY
         has_plan = search.plan is not None
         return Answer(
             status,
@@ -129,14 +129,13 @@ def _extension_size(model: GuidedPathTour, chains: int, fleet: int) -> int:
 
 
 class _Search:
-    """State of one run: incumbent, bound and limit."""
+    """State of one run: incumbent and bound."""
 
     def __init__(self, tables: TrackTables, request: Request) -> None:
         self.tables, self.request, self.control = tables, request, request.control
         self.plan: GuidedPathPlan | None = None
         self.value, self.exact, self.labels = math.inf, False, 0
         self.bound = float(rest_of(tables, first_label(tables))[0]) * (1.0 - SAFE)
-        self.limit: Limit | None = None
         self.control.prove(self.bound)
 
     @property
@@ -156,8 +155,7 @@ class _Search:
     @property
     def over(self) -> bool:
         """True if the incumbent is proven or a limit is reached."""
-        self.limit = self.request.limit
-        return self.exact or self.is_close or self.limit is not None
+        return self.exact or self.is_close or self.request.limit is not None
 
     def offer(self, value: float | None, plan: GuidedPathPlan) -> None:
         """Store `plan` if it is shorter than the incumbent."""
