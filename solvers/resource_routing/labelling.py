@@ -69,7 +69,7 @@ class ResourceLabelling(RouteSearch):
         """Return the best route no longer than `cutoff`, and the number of arcs.
 
         `least`, shape (n,), are lower bounds on the lengths from the points to the end, for a model without
-        prizes. Their errors must be below those of sums of lengths.
+        prizes; inf for points on no route up to `cutoff`. Their errors must be below those of sums of lengths.
 
         If all pairs of points are arcs, points far from the straight line are left out first. A run with
         a time limit begins with searches that keep few labels per point, see :mod:`.first` and
