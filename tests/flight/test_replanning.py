@@ -50,11 +50,8 @@ def test_a_replan_is_checked_between_instants(monkeypatch, middle, kept):
 
     def measure(task, durations, jets, vehicle, rows):
         vehicle[:], rows[:] = -1.0, -1.0
-        rows[-1, 7:10] = (
-            -0.3,
-            middle,
-            -0.05,
-        )  # the parabola is 0.024 or 0.027 higher than its middle
+        # The parabola is higher than its middle by 0.024 or 0.027.
+        rows[-1, 7:10] = -0.3, middle, -0.05
 
     monkeypatch.setattr(replanning, "measure", measure)
     assert prepared._keeps(last.durations, last.jets()[0], np.arange(last.segments)) is kept
