@@ -43,15 +43,14 @@ def test_replans_from_a_disturbed_state_and_outside_the_corridor():
         prepared.replan([5.0, 0.0])
 
 
-@pytest.mark.parametrize(("middle", "kept"), [(-0.01, False), (-0.03, True)])
+@pytest.mark.parametrize(("middle", "kept"), [(-0.033, False), (-0.034, True)])
 def test_a_replan_is_checked_between_instants(monkeypatch, middle, kept):
     prepared = ct.prepare(around())
     last = prepared._last
 
     def measure(task, durations, jets, vehicle, rows):
-        vehicle[:], rows[:] = -1.0, -1.0
-        # The parabola is higher than its middle by 0.024 or 0.027.
-        rows[-1, 7:10] = -0.3, middle, -0.05
+        vehicle[:], rows[:] = -0.3, -0.3
+        rows[-1, 8:10] = middle  # the parabola is higher by an eighth of the difference to -0.3
 
     monkeypatch.setattr(replanning, "measure", measure)
     assert prepared._keeps(last.durations, last.jets()[0], np.arange(last.segments)) is kept
