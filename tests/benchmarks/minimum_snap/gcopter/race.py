@@ -400,8 +400,8 @@ def retime(plan: Trajectory, points: int = 60, directions: int = 300) -> Retimed
         low = 1.0
         while high - low > 1e-4 * low:
             middle = min(0.5 * (low + high), 1.1 * low)
-            kept = max(usage(velocity / middle, acceleration / middle**2, middle * step)) <= 1.0
-            low, high = (low, middle) if kept else (middle, high)
+            shares = usage(velocity / middle, acceleration / middle**2, middle * step)
+            low, high = (low, middle) if max(shares) <= 1.0 else (middle, high)
         return high
 
     duration = float(progress.times[-1])
