@@ -178,8 +178,8 @@ class Kernel:
 
     @property
     def _may_wait(self) -> bool:
-        """Whether the kernel is in no cache, and the run may interpret longer."""
-        return not self._ready and self._is_new and current_limit().allows_trial
+        """Whether the kernel is still in no cache, and the run may interpret longer."""
+        return current_limit().allows_trial and not compilation.may_be_cached(self.py_func)
 
     def _try(self, arguments: tuple[Any, ...]) -> Any:
         """Interpret within the budget; restore the arguments if it does not suffice."""

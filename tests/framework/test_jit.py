@@ -617,7 +617,7 @@ def test_a_kernel_in_no_cache_is_requested_after_half_of_its_further_budget(budg
     budget(1e-3)
     monkeypatch.setattr(jit, "AHEAD", 2e-3)
     monkeypatch.setattr(jit, "_ahead", 2e-3)
-    monkeypatch.setattr(summed, "_is_new", True)
+    monkeypatch.setattr(compilation, "may_be_cached", lambda function: False)
     monkeypatch.setattr(summed, "_ready", False)
     monkeypatch.setattr(jit, "start_compiling", start)
     counts = np.zeros(1)
@@ -625,6 +625,24 @@ def test_a_kernel_in_no_cache_is_requested_after_half_of_its_further_budget(budg
     assert requests == [1]
     assert summed._ready
     assert counts[0] > 30_000  # it started again
+
+
+@pytest.mark.parametrize("is_cached", [False, True])
+def test_a_kernel_that_is_cached_meanwhile_is_not_interpreted_further(
+    budget, monkeypatch, is_cached
+):
+    """A kernel that another process had compiled after the first call was interpreted for up to 1.2 s more."""
+    cached = [False]
+    monkeypatch.setattr(compilation, "may_be_cached", lambda function: cached[0])
+    monkeypatch.setattr(jit, "start_compiling", lambda *arguments: threading.Event())
+    budget(0.0)
+    monkeypatch.setattr(jit, "_ahead", 1000.0)
+    monkeypatch.setattr(summed, "_ready", False)
+    summed(np.arange(3.0), np.zeros(1))
+    assert not summed._ready
+    cached[0] = is_cached
+    summed(np.arange(3.0), np.zeros(1))
+    assert summed._ready == is_cached
 
 
 @pytest.mark.parametrize("suffix", ["nbc", "nbi"])
