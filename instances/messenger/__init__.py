@@ -25,7 +25,7 @@ PAPER_TABLES = {
 TABLE_COLUMNS = {
     "messenger-tour": {
         "x": "positions.0", "y": "positions.1", "vx": "velocities.0", "vy": "velocities.1",
-        "radius": "radius", "id": "ids",
+        "radius": "radius", "id": "ids", "earliest": "windows.0", "latest": "windows.1",
     }
 }  # fmt: skip
 

@@ -1,7 +1,8 @@
 """Vehicles of messenger tours in CSV and Excel files, and instances that refer to such files.
 
-A file has a header with the columns ``x,y`` and any of ``vx,vy``, ``radius`` and ``id``, in any
-order. The velocities or the radius are required, because ``x,y`` alone denotes waypoints.
+A file has a header with the columns ``x,y`` and any of ``vx,vy``, ``radius``, ``id``, ``earliest`` and
+``latest``, in any order. The velocities or the radius are required, because ``x,y`` alone denotes
+waypoints. Empty cells of ``earliest`` and ``latest`` are no limit.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import Any, Unpack
 
 from ..storage import reference
 from ..tables import Column, TableOptions, read_table
-from ..units import LENGTHS, SPEEDS
+from ..units import LENGTHS, SPEEDS, TIMES
 
 __all__ = ["read_vehicles", "resolve_references"]
 
@@ -21,6 +22,10 @@ _COLUMNS = (
     *(Column(name, units=SPEEDS, bare=True, optional=True) for name in ("vx", "vy")),
     Column("radius", units=LENGTHS, bare=True, optional=True),
     Column("id", field="ids", text=True, optional=True, aliases=("name",)),
+    *(
+        Column(name, field="windows", units=TIMES, bare=True, empty=True, optional=True)
+        for name in ("earliest", "latest")
+    ),
 )
 
 
@@ -37,7 +42,7 @@ def read_vehicles(path: str | os.PathLike[str], **options: Unpack[TableOptions])
     Returns
     -------
     dict
-        ``positions`` (m), and ``velocities`` (m/s), ``radius`` (m) and ``ids`` if the file has
+        ``positions`` (m), and ``velocities`` (m/s), ``radius`` (m), ``ids`` and ``windows`` (s) if the file has
         them: the arguments of :class:`~crosstrack.models.messenger.MessengerTour`.
 
     Raises
@@ -52,7 +57,7 @@ def read_vehicles(path: str | os.PathLike[str], **options: Unpack[TableOptions])
     table = read_table(
         path,
         _COLUMNS,
-        "x,y with vx,vy, radius or both, and id if they have names",
+        "x,y with vx,vy, radius or both, id if they have names, and earliest and latest for time windows",
         row="vehicle",
         field="positions",
         suits=lambda names: ("vx" in names) == ("vy" in names) and bool(names & {"vx", "radius"}),
@@ -65,6 +70,10 @@ def read_vehicles(path: str | os.PathLike[str], **options: Unpack[TableOptions])
         data["radius"] = table["radius"]
     if "id" in table:
         data["ids"] = table["id"]
+    if "earliest" in table or "latest" in table:
+        empty = [None] * len(table["x"])
+        early, late = table.get("earliest", empty), table.get("latest", empty)
+        data["windows"] = [(a or 0.0, b) for a, b in zip(early, late, strict=True)]
     return data
 
 

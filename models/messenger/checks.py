@@ -115,6 +115,10 @@ def verify_tour(model: TourData, plan: TourPlan, tolerance: float) -> Verificati
         worst("encounter at its point", point_error, names, size[met], digits=lost),
         worst("encounter within radius", apart, names, size[met], model.radius[met], digits=lost),
     ]
+    if model.windows is not None:
+        begin, end = model.speed * model.windows[met].T
+        outside = np.maximum(begin - flown[ends], flown[ends] - end)
+        checks.append(worst("encounter within its window", outside, names, size[met], digits=lost))
     if model.no_fly is not None:
         inside, bends = np.zeros(len(pieces)), np.array([SIGNS[p.turn] for p in plan.primitives])
         bends = bends / model.turning_radius if model.turning_radius else 0.0 * bends

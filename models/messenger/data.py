@@ -81,6 +81,9 @@ class TourData(Model[TourPlan]):
     no_fly: Field[Any, tuple[Floats, ...] | None] = declared(
         Optional(Zones()), default=None, added=True
     )
+    windows: FloatsOrNone = declared(
+        Optional(Array(("n", 2), infinity=1, unit="s")), default=None, added=True
+    )
 
     def check(self) -> None:
         """Fill in the velocities and validate vehicles and start."""
@@ -98,6 +101,7 @@ class TourData(Model[TourPlan]):
                 object.__setattr__(self, name, None)
         self._check_crew()
         self._check_zones()
+        self._check_windows()
         fast = np.hypot(*self.drifts.T)
         relative = "" if self.wind is None else " relative to the air"
         if not (fast < self.speed).all():
@@ -157,6 +161,21 @@ class TourData(Model[TourPlan]):
                         field="no_fly",
                     )
 
+    def _check_windows(self) -> None:
+        """Validate the time windows, and reduce windows without a limit to the default."""
+        if self.windows is None:
+            return
+        begin, end = self.windows.T
+        wrong = np.flatnonzero(~((begin <= end) & (end >= 0) & np.isfinite(begin)))
+        if wrong.size:
+            raise InvalidData(
+                f"windows[{wrong[0]}] must be a finite earliest time and a latest time that is at least 0 and not "
+                f"before it, in s; got {show(self.windows[wrong[0]].tolist())}",
+                field="windows",
+            )
+        if (begin <= 0).all() and np.isinf(end).all():
+            object.__setattr__(self, "windows", None)
+
     def _check_home(self, relative: str) -> None:
         """Validate the home, to which a closed tour returns."""
         if self.home_velocity is not None and not self.closed:
@@ -185,7 +204,8 @@ class TourData(Model[TourPlan]):
         for field in fields(self):
             used = field.metadata.get("added") and getattr(self, field.name) is not None
             if used and field.name not in carried:
-                other = {"uavs": ": 'crew-search' does", "no_fly": ": 'detour-search' does"}
+                detour = ": 'detour-search' does"
+                other = {"uavs": ": 'crew-search' does", "no_fly": detour, "windows": detour}
                 return f"the field {field.name} of a messenger tour{other.get(field.name, '')}"
         return ""
 
@@ -232,6 +252,7 @@ class TourData(Model[TourPlan]):
         return replace(
             self, positions=self.positions[rows], velocities=self.velocities[rows],
             radius=self.radius[rows], start=self.starts[uav], uavs=None, ids=ids,
+            windows=None if self.windows is None else self.windows[rows],
         )  # fmt: skip
 
     def relative_to_air(self) -> Self:

@@ -70,6 +70,9 @@ class MessengerTour(TourData):
     no_fly : list of ndarray, optional
         Zones that the path avoids: x, y and radius of a disc in metres, shape (3,), or the corners of a
         polygon, shape (k, 2). The wind must be calm, the home at rest, and the starts outside.
+    windows : ndarray, shape (n, 2), optional
+        Earliest and latest time of each encounter in seconds; infinity without a latest time. A UAV
+        that would arrive early takes a longer path.
 
     Raises
     ------
@@ -125,7 +128,8 @@ class MessengerTour(TourData):
         """The search that proves a bound. Solvers of programs, all local, are not even loaded."""
         if self.uavs is not None:
             return "crew-search"
-        return "tour-search" if self.no_fly is None else "detour-search"
+        plain = self.no_fly is None and self.windows is None
+        return "tour-search" if plain else "detour-search"
 
     def describe(self) -> str:
         """Return a short description of the size."""
@@ -137,6 +141,7 @@ class MessengerTour(TourData):
         rest = ", at rest" if self.at_rest else ""
         if self.no_fly is not None:
             kind += f", {len(self.no_fly)} no-fly zone{'s' * (len(self.no_fly) > 1)}"
+        kind += "" if self.windows is None else ", time windows"
         kind += "" if self.uavs is None else f", {len(self.starts)} UAVs"
         return (
             f"{self.size} vehicle{'s' * (self.size > 1)}{rest}, radius {radius} m, "

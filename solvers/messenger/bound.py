@@ -35,8 +35,8 @@ class EuclideanBound(TourBackend):
     single_threaded = True
     requires = ("clarabel",)
     summary = "a proven lower bound: the best tour without the limit on curvature; ours"
-    # Without the zones, the minimum is not greater.
-    carries = TourBackend.carries | {"no_fly"}
+    # Without zones and windows, the minimum is not greater.
+    carries = TourBackend.carries | {"no_fly", "windows"}
     curved: ClassVar[bool] = False
 
     def bound_leg(self, problem: MessengerTour) -> float:
@@ -70,7 +70,8 @@ class EuclideanBound(TourBackend):
         if best is not None:
             statistics["shortest tour without curvature"] = best.length
         plan, termination, message = None, Termination.NO_SOLUTION, ""
-        flies = problem.turning_radius == 0 and problem.no_fly is None
+        free = problem.no_fly is None and problem.windows is None
+        flies = problem.turning_radius == 0 and free
         if flies and best is not None and best.length <= cutoff:
             plan = straight(problem, best.order, best.points)
             proven = plan.length - bound <= max(request.gap, ROUNDING) * plan.length

@@ -1,4 +1,4 @@
-"""``detour-search``: tours around no-fly zones, by shortest legs over poses beside the zones."""
+"""``detour-search``: tours around no-fly zones and within time windows, by detours of shortest legs."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from ...jit import clock
 from ...models.messenger.dubins import WORDS, advance, word_lengths
+from ...models.messenger.elongation import elongated
 from ...models.messenger.model import MessengerTour
 from ...models.messenger.plan import TourPlan
 from ...models.messenger.zones import depth
@@ -31,16 +32,24 @@ Path = tuple[tuple[int, float], ...]
 AROUND = 10
 #: Margin of the radius of a vehicle, as a share, and number of poses tried as the start of its leg.
 MARGIN, TRIES = 1e-9, 8
+#: Places in a disc, and times per full circle, at which a vehicle is met after waiting.
+GOALS, DELAYS = 4, 8
+#: Relative rounding error of the length flown at the limits of a window.
+ROUNDING = 1e-12
+#: Number of ranges of headings. With windows, a beam keeps one partial tour per range.
+HEADINGS = 8
 #: Share of the time for the tour without zones and its bound.
 SHARE = 0.3
 
 
 class DetourSearch(TourBackend):
-    """Beam search over orders, with legs that avoid the zones; ours.
+    """Beam search over orders, with legs that avoid zones and wait for time windows; ours.
 
-    The tour without zones is tried first, and its bound remains valid. Each leg is the shortest path to the
-    next vehicle's disc if it is clear of the zones. Otherwise it leads over poses beside the zones, joined by
-    the shortest clear Dubins words (Dijkstra). The poses are drawn again in each round.
+    The tour without zones and windows is tried first, and its bound remains valid. Each leg is the shortest
+    path to the next vehicle's disc if it is clear of the zones. Otherwise it leads over poses beside the zones,
+    joined by the shortest clear Dubins words (Dijkstra). A leg that arrives before the window is replaced by
+    a longer one, with full circles if necessary. The poses are drawn again in each round. With windows, the
+    beam of each round is twice as wide as the one before.
     """
 
     name = "detour-search"
@@ -50,19 +59,21 @@ class DetourSearch(TourBackend):
     )
     single_threaded = True
     requires = ("clarabel",)
-    carries = frozenset({"no_fly"})
+    carries = frozenset({"no_fly", "windows", "wind"})
     options: ClassVar[Mapping[str, Option]] = {
         "rounds": Option(4, "Number of rounds with other poses beside the zones.", int, lower=1),
-        "width": Option(4, "Number of partial tours of a beam.", int, lower=1),
+        "width": Option(4, "Number of partial tours of the first beam.", int, lower=1),
     }
     summary = (
-        "tours around no-fly zones: beam over orders, detours, and the bound without zones; ours"
+        "no-fly zones and time windows: beam over orders, detours, and the bound without them; ours"
     )
 
     def refuses(self, problem: MessengerTour) -> str:
         """Return the reason why the backend does not cover `problem`, or an empty string."""
-        if problem.no_fly is None:
-            return "models without no-fly zones: use tour-search"
+        if problem.no_fly is None and problem.windows is None:
+            return "models without no-fly zones and time windows: use tour-search"
+        if problem.closed and problem.wind is not None:
+            return "a closed tour in wind"
         if problem.turning_radius == 0 or problem.heading is None:
             return "a turning radius of 0 or a start without a heading"
         return super().refuses(problem)
@@ -80,27 +91,48 @@ class DetourSearch(TourBackend):
                 best = plan
                 request.control.incumbent(plan.length, plan)
 
+        draw = np.random.default_rng(request.seed or 0)
+        if problem.windows is not None:
+            # A beam needs few compiled kernels, so that a first call with a short limit has a plan.
+            offer(_Round(problem, request, draw, request.options["width"]).plan())
         free = request.within(
-            TourSearch(), replace(problem, no_fly=None), options={"patience": 4},
+            TourSearch(), replace(problem, no_fly=None, windows=None), options={"patience": 4},
             time_limit=None if left is None else SHARE * left,
         )  # fmt: skip
         offer(free.point)
-        bound = free.dual_bound or 0.0
+        bound = max(free.dual_bound or 0.0, bound_windows(problem))
         request.control.prove(bound)
-        draw = np.random.default_rng(request.seed or 0)
         rounds, limit, optimal = 0, None, False
         while rounds < request.options["rounds"] and limit is None and not optimal:
-            offer(_Round(problem, request, draw).plan())
+            widening = 0 if problem.windows is None else rounds
+            offer(_Round(problem, request, draw, request.options["width"] << widening).plan())
             rounds += 1
             optimal = best is not None and best.length - bound <= request.gap * best.length
             limit = request.limit
         if best is None:
-            message = "no tour clear of the zones was found, which does not prove that none exists"
+            message = (
+                "no tour clear of the zones and within the windows was found, which does not prove that none "
+                "exists"
+            )
             return Answer(Termination.NO_SOLUTION, limit, dual_bound=bound, message=message)
         return Answer(
             Termination.OPTIMAL if optimal else Termination.FEASIBLE, None if optimal else limit, best,
             best.length, bound, seconds={"solve": clock() - begin}, statistics={"rounds": rounds},
         )  # fmt: skip
+
+
+def bound_windows(problem: MessengerTour) -> float:
+    """Return a lower bound (m) on the finish: the vehicle with the latest window, and the straight flight home."""
+    if problem.windows is None:
+        return 0.0
+    begin = np.maximum(problem.windows[:, 0], 0.0)
+    finish = problem.speed * begin
+    if problem.closed and problem.start is not None:
+        # The sum of the length flown and of the distance home increases, as the vehicle is slower.
+        places = problem.positions + problem.velocities * begin[:, None]
+        home = np.hypot(*(places - problem.start[:2]).T) - problem.radius
+        finish = finish + np.maximum(home, 0.0)
+    return float(finish.max())
 
 
 class _State(NamedTuple):
@@ -119,11 +151,16 @@ class _Round:
     problem: MessengerTour
     request: Request
     draw: np.random.Generator
+    width: int
     edges: dict[tuple[Pose, Pose], Path | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.speed, self.r = self.problem.speed, self.problem.turning_radius
         self.poses = [pose for zone in self.problem.no_fly or () for pose in self.beside(zone)]
+        windows = self.problem.windows
+        if windows is None:
+            windows = np.tile([0.0, math.inf], (self.problem.size, 1))
+        self.windows: list[list[float]] = (self.speed * windows).tolist()
 
     def beside(self, zone: Any) -> Iterator[Pose]:
         """Yield poses that lead around a zone in both directions."""
@@ -176,39 +213,85 @@ class _Round:
                     heapq.heappush(heap, (length + sum(s for _, s in more), to, path + more))
         return [(length, place, path) for place, (length, path) in done.items()]
 
+    def soonest(self, flown: float, pose: Pose, vehicle: int) -> float:
+        """Return a lower bound on the length flown (m) at an encounter: a straight flight."""
+        problem = self.problem
+        x, y = problem.where(vehicle, flown / self.speed) - pose[:2]
+        fast = float(np.hypot(*problem.velocities[vehicle])) / self.speed
+        return flown + max(math.hypot(x, y) - float(problem.radius[vehicle]), 0.0) / (1 + fast)
+
+    def wait(self, flown: float, pose: Pose, vehicle: int, least: float) -> Iterator[Path]:
+        """Yield clear paths that meet `vehicle` as soon as its window is open; `least` (m) is the shortest leg.
+
+        Circles at the start use up long waits. If no path has the length required, the encounter is later by
+        a part of a full circle.
+        """
+        begin, end = self.windows[vehicle]
+        around, reach = 2 * math.pi * self.r, float(self.problem.radius[vehicle]) * (1 - MARGIN)
+        turns = 2 * math.pi * (np.arange(GOALS) + self.draw.random()) / GOALS
+        offsets = [0j, *(0.9 * reach * np.exp(1j * turns)).tolist()] if reach else [0j]
+        for delay in np.linspace(0.0, around, DELAYS + 1).tolist():
+            until, successes = begin + delay, 0
+            x, y = self.problem.where(vehicle, until / self.speed).tolist()
+            circles = int((until - flown - least) / around)
+            trials = [
+                (count, sign) for count in (circles, circles - 1) if count > 0 for sign in (1, -1)
+            ]
+            for offset in offsets if until <= end else ():
+                for count, sign in [*trials, (0, 0)]:
+                    *parts, a, b, c, exists = elongated(
+                        *pose, x + offset.real, y + offset.imag, self.r, until - flown - count * around
+                    )  # fmt: skip
+                    path = ((sign, count * around), *zip((a, b, c), parts, strict=True))
+                    if exists and self.is_clear(pose, path):
+                        successes += 1
+                        yield path
+                        break
+            if successes:
+                return
+
     def meet(
         self, state: _State, vehicle: int, places: list[tuple[float, Pose, Path]]
-    ) -> _State | None:
-        """Return the partial tour with one more vehicle, over the best of the poses, or None."""
+    ) -> list[_State]:
+        """Return the partial tours with one more vehicle, over the best of the poses."""
         problem, best = self.problem, math.inf
-        result, tries = None, 0
-
-        def least(item: tuple[float, Pose, Path]) -> float:
-            x, y = problem.where(vehicle, (state.flown + item[0]) / self.speed) - item[1][:2]
-            fast = float(np.hypot(*problem.velocities[vehicle])) / self.speed
-            return item[0] + max(math.hypot(x, y) - float(problem.radius[vehicle]), 0.0) / (
-                1 + fast
-            )
-
+        result: list[_State] = []
+        tries = 0
+        begin, end = self.windows[vehicle]
         for low, (length, pose, path) in sorted(
-            ((least(item), item) for item in places), key=lambda p: p[0]
+            ((self.soonest(state.flown + item[0], item[1], vehicle), item) for item in places),
+            key=lambda pair: pair[0],
         ):
-            if low >= best or tries == TRIES:
+            if max(low, begin) >= best or tries == TRIES:
                 break
-            disc = Disc.at(problem, vehicle, (state.flown + length) / self.speed, MARGIN)
+            flown = state.flown + length
+            disc = Disc.at(problem, vehicle, flown / self.speed, MARGIN)
             most = disc.limit(pose, self.speed, self.r)
-            leg = shortest_to_disc(pose, disc, self.speed, self.r, min(most, best - length))
-            if leg is None or not self.is_clear(pose, tuple(leg)):
-                continue
-            tries += 1
-            best = length + sum(part for _, part in leg)
-            for sign, part in leg:
-                pose = advance(*pose, part, sign, self.r)
-            flown = state.flown + best
-            result = _State(
-                flown, pose, {**state.stops, vehicle: flown}, state.path + path + tuple(leg)
+            leg = shortest_to_disc(
+                pose, disc, self.speed, self.r, min(most, max(best, begin) - flown)
             )
+            if leg is None:
+                continue
+            least = sum(part for _, part in leg)
+            if flown + least < begin * (1 - ROUNDING):
+                legs = [*self.wait(flown, pose, vehicle, least)]
+            else:
+                timely = flown + least <= end * (1 + ROUNDING)
+                legs = [tuple(leg)] if timely and self.is_clear(pose, tuple(leg)) else []
+            tries += bool(legs)
+            states = [self.follow(state, vehicle, pose, length, path, leg) for leg in legs]
+            if states and states[0].flown < best:
+                result, best = states, states[0].flown
         return result
+
+    def follow(
+        self, state: _State, vehicle: int, pose: Pose, length: float, path: Path, leg: Path
+    ) -> _State:
+        """Return the partial tour after a path of a given length to a pose, and a leg to a vehicle."""
+        for sign, part in leg:
+            pose = advance(*pose, part, sign, self.r)
+        flown = state.flown + length + sum(part for _, part in leg)
+        return _State(flown, pose, {**state.stops, vehicle: flown}, state.path + path + leg)
 
     def extend(self, state: _State) -> Iterator[_State]:
         """Yield the partial tours with one more vehicle: directly, otherwise around the zones."""
@@ -217,11 +300,26 @@ class _Round:
             if vehicle in state.stops or self.request.control.stopped:
                 continue
             new = self.meet(state, vehicle, [(0.0, state.pose, ())])
-            if new is None:
+            if not new and self.poses:
                 around = around or self.reach(state.pose)
                 new = self.meet(state, vehicle, around)
-            if new is not None:
-                yield new
+            for item in new:
+                late = (
+                    other not in item.stops
+                    and self.soonest(item.flown, item.pose, other) > end * (1 + ROUNDING)
+                    for other, (_, end) in enumerate(self.windows)
+                )  # fmt: skip
+                if not any(late):
+                    yield item
+
+    def part_of(self, state: _State) -> tuple[Any, ...]:
+        """Return the class of a partial tour: its vehicles, and the last one. A beam keeps the shortest per class.
+
+        With windows, also the part of the circle to which the heading belongs: waiting ends at one time with
+        several headings.
+        """
+        heading = 0 if self.problem.windows is None else state.pose[2] % (2 * math.pi) * HEADINGS
+        return frozenset(state.stops), [*state.stops][-1], int(heading / (2 * math.pi))
 
     def plan(self) -> TourPlan | None:
         """Return the tour of the beam search, or None."""
@@ -233,9 +331,8 @@ class _Round:
             new = sorted(
                 (item for state in beam for item in self.extend(state)), key=lambda s: s.flown
             )
-            # One partial tour per set of vehicles and last one.
-            kept = {(frozenset(item.stops), [*item.stops][-1]): item for item in reversed(new)}
-            beam = sorted(kept.values(), key=lambda s: s.flown)[: self.request.options["width"]]
+            unique = {self.part_of(item): item for item in reversed(new)}
+            beam = sorted(unique.values(), key=lambda s: s.flown)[: self.width]
         best: tuple[float, _State] | None = None
         for state in beam:
             if problem.closed:

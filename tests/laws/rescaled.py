@@ -28,7 +28,7 @@ RESCALED: dict[str, dict[str, Any]] = {
     "messenger-tour": {
         "positions": (1, 0), "velocities": (1, -1), "radius": (1, 0), "turning_radius": (1, 0),
         "speed": (1, -1), "start": [(1, 0), (1, 0), (0, 0)], "wind": (1, -1), "home_velocity": (1, -1), "no_fly": (1, 0),
-        "": (1, 0),
+        "windows": (0, 1), "": (1, 0),
     },
     "minimum-derivative": {
         "waypoints": (1, 0), "times": (0, 1), "weights": [(0, -4), (0, -2), (0, 0)], "": (2, -5),

@@ -32,6 +32,7 @@ LIMITS = [
     "length flown is speed times time",
     "encounter at its point",
     "encounter within radius",
+    "encounter within its window",
     "ends where it begins",
 ]
 COUNTS = ["each vehicle met once", "legs in order", "straight but for turns on the spot"]
@@ -85,6 +86,13 @@ def moved(values, row, by):
     return values
 
 
+def window(vehicle, side, time):
+    """Return windows with one limit: the earliest (0) or latest (1) time of a vehicle."""
+    windows = np.tile([0.0, math.inf], (2, 1))
+    windows[vehicle, side] = time
+    return windows
+
+
 def altered(plan, number, **what):
     pieces = list(plan.primitives)
     pieces[number] = pieces[number]._replace(**what)
@@ -117,6 +125,11 @@ def limits(unit, start, heading, tolerance):
         yield "encounter within radius", allowed, where, lambda x, vehicle=vehicle, share=share: (
             model_for(plan, unit, moved(np.ones(2), vehicle, x * share)), plan
         )  # fmt: skip
+        for side, sign in ((0, 1), (1, -1)):
+            edge = plan.times[row] + sign * np.array([0.0, 1.0]) * allowed / (SPEED * unit)
+            yield "encounter within its window", allowed, where, lambda x, vehicle=vehicle, side=side, edge=edge: (
+                model_for(plan, unit, windows=window(vehicle, side, edge[0] + x * (edge[1] - edge[0]))), plan
+            )  # fmt: skip
     # With a radius of 0, the vehicle's share of the field is the scale.
     box = np.ptp([plan.start[:2], *plan.points], axis=0)
     room = tolerance * math.hypot(*box) / 2 + digits[2] + DIGITS * np.abs(plan.points[1]).max()
@@ -251,6 +264,7 @@ def test_every_check_has_its_limit():
         model_for(plan, 1.0).verify(plan),
         model_for(loop, 1.0, closed=True).verify(loop),
         model_for(straight, 1.0, turning_radius=0.0).verify(straight),
+        model_for(plan, 1.0, windows=window(0, 1, plan.times[1])).verify(plan),
     ]
     free = model_for(plan, 1.0, start=plan.start[:2]).verify(plan)
     assert free.ok and names_of(found[0]) - names_of(free) == {"starts with its heading"}

@@ -8,7 +8,11 @@ from crosstrack.models import MessengerTour
 
 @pytest.mark.parametrize(
     ("fields", "other"),
-    [({"uavs": 2}, "crew-search"), ({"no_fly": [[0, 40, 15]]}, "detour-search")],
+    [
+        ({"uavs": 2}, "crew-search"),
+        ({"no_fly": [[0, 40, 15]]}, "detour-search"),
+        ({"windows": [[0, 30], [5, 90]]}, "detour-search"),
+    ],
 )
 def test_names_the_backend_that_carries_a_field(fields, other):
     model = MessengerTour([[0, 90], [-70, 80]], [[0, 0], [1, 0.5]], **fields)
