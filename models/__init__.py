@@ -158,6 +158,7 @@ if TYPE_CHECKING:
         SideslipEstimation as SideslipEstimation,
         Tyre as Tyre,
         Vehicle as Vehicle,
+        estimate_speed as estimate_speed,
         identify as identify,
     )
     from .unknown_grid import (
