@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from sideslip.recommended import CATALOGUE, drawn, errors_of
 
+from crosstrack.errors import InvalidData
 from crosstrack.instances.sideslip.generator import generate
 from crosstrack.solvers.contract.selection import recommended
 
@@ -50,7 +51,14 @@ def test_the_default_is_near_the_best_on_the_catalogue(name):
     "seeds", [range(100, 103), pytest.param(range(100, 160), marks=pytest.mark.slow)]
 )
 def test_the_default_is_near_the_best_on_drawn_drives(seeds):
-    ratios = [ratio_of(drawn(seed)[1]) for seed in seeds]
+    ratios = []
+    for seed in seeds:
+        try:
+            ratios.append(ratio_of(drawn(seed)[1]))
+        except InvalidData as error:
+            if "the vehicle spins" not in str(error):  # by more than 90°, which the model excludes
+                raise
+    assert len(ratios) >= 0.9 * len(seeds)
     assert max(ratios) < DRAWN and np.exp(np.log(ratios).mean()) < MEAN
 
 
