@@ -29,8 +29,9 @@ class OrToolsRouting(FleetHeuristic):
     search starts from a solution whose empty vehicles receive the nodes that are cheapest to move.
     Capacity, battery, times and the features of rich fleets are dimensions, disjunctions and
     constraints of the library. Each reload and station has copies: one per node to visit in small fleets,
-    two per vehicle in large ones. Limits on the sum, the deviation and the range only guide a stage
-    that finds a first plan. For the makespan, departures later than the shift do not guide the search, with a limit on durations or releases.
+    two per vehicle in large ones. Limits on the sum, the deviation and the range only guide a stage that
+    finds a first plan. For the makespan, departures later than the shift do not guide the search, with a
+    limit on durations or releases.
     """
 
     name = "ortools-routing"
@@ -44,7 +45,7 @@ class OrToolsRouting(FleetHeuristic):
     natives = ORTOOLS_MARKS
     rich = COMMON | {"stations", "makespan"}
     options: ClassVar[Mapping[str, Option]] = {
-        "seconds": Option(10.0, "Search time without a time limit, s.", lower=0.01),
+        "seconds": Option(10.0, "Seconds without a limit; first plans add up to 60 %.", lower=0.01),
         "solutions": Option(None, "Number of solutions after which the search ends.", int, lower=1),
         "first": Option(
             "automatic",

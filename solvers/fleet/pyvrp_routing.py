@@ -36,9 +36,10 @@ class PyVrpRouting(FleetHeuristic):
     share; the share is halved after a search without success. PyVRP cannot require that every vehicle is
     used. For the sum, each vehicle therefore has to visit a copy of its depot, with no arc back to a copy.
     For the longest route, an empty vehicle receives the node that is cheapest to move. Limits on the sum,
-    the deviation and the range only guide a stage that finds a first plan, and plans beyond them are repaired. Data of rich fleets is rounded to
-    whole numbers such that every plan that PyVRP calls feasible is feasible, except that a window shorter
-    than a unit becomes that unit, and that loads may exceed a capacity by 1e-7 of it. A unit is at most
+    the deviation and the range only guide a stage that finds a first plan, and plans beyond them are
+    repaired. Data of rich fleets is rounded to whole numbers such that every plan that PyVRP calls feasible
+    is feasible, except that a window shorter than a unit becomes that unit, and that loads may exceed a
+    capacity by 1e-7 of it. A unit is at most
     2^-20 of the longest arc. The times of the plan are those of the model's own schedule. A stop request
     takes effect after the first local search, which takes seconds for thousands of nodes.
     """

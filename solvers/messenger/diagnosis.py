@@ -11,7 +11,7 @@ from ..run.dispatch import solve
 
 __all__ = ["diagnose_tour"]
 
-#: Relative margin of the proof, above the tolerance of the verification.
+#: Margin of the proof, relative to length and radius, above the tolerance of the verification.
 MARGIN = 1e-5
 
 
@@ -44,7 +44,7 @@ def _missed_window(model: MessengerTour) -> str | None:
                 solve(open_tour.share(uav, [k]), "curvature-bound").dual_bound or 0.0
                 for uav in range(len(model.starts))
             )
-            if (1.0 - MARGIN) * first > model.speed * end:
+            if first - MARGIN * (first + float(model.radius[k])) > model.speed * end:
                 return (
                     f"vehicle {model.label(k)} can be met after {first / model.speed:.4g} s at the earliest, but its "
                     f"window ends at {end:g} s"

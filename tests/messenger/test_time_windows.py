@@ -131,6 +131,10 @@ def test_diagnosis_names_a_vehicle_that_no_uav_meets_in_time():
     # Each vehicle alone is met in time, but not both: no claim.
     both = MessengerTour([[0, 60], [0, -60]], windows=[[0, 6.5], [0, 8.5]])
     assert ct.diagnose(both).feasible is None
+    # The verification accepts 1e-6 of the radius, which is more than the proof's share of the short flight.
+    for late, feasible in ((5e-5, True), (0.1, False)):
+        near = MessengerTour([[0, 1001]], radius=1000, windows=[[0, (1 - late) / 10]])
+        assert (ct.diagnose(near, time_limit=2).feasible is not False) == feasible
 
 
 @pytest.mark.parametrize("name", ["tour-search", "memetic", "greedy-boundary", "direct-sampling"])
